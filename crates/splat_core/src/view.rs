@@ -1,0 +1,198 @@
+//! [`View`]: what one picture sees.
+
+use glam::{Mat3, Vec2, Vec3};
+
+/// Nearest depth drawn where a view does not say otherwise, in scene units.
+pub const DEFAULT_NEAR: f32 = 0.01;
+
+/// Focal lengths and principal point, in pixels. The centre of the top left pixel is (0.5, 0.5).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Intrinsics {
+    /// Focal length along x, in pixels (pixels per scene unit for an orthographic view).
+    pub fx: f32,
+    /// Focal length along y, in pixels (pixels per scene unit for an orthographic view).
+    pub fy: f32,
+    /// Principal point, x.
+    pub cx: f32,
+    /// Principal point, y.
+    pub cy: f32,
+}
+
+/// How camera space becomes pixels.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Projection {
+    /// `u = fx x / z + cx`.
+    #[default]
+    Perspective,
+    /// `u = fx x + cx`, for plans and elevations.
+    Orthographic,
+}
+
+/// Where a camera stands: maps camera space (x right, y down, z forward) to the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Columns are the camera's right, down and forward axes in world space: a proper rotation.
+    pub world_from_view: Mat3,
+    /// Camera centre in world space.
+    pub position: Vec3,
+}
+
+/// Why numbers do not make a [`View`].
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ViewError {
+    /// A side of the picture is zero or beyond 32768.
+    #[error("a picture of {width}x{height} pixels cannot be drawn; each side may be 1 to 32768")]
+    Size {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+    },
+    /// A number is NaN or infinite, a focal length is not positive, or the rotation is not a rotation.
+    #[error("the camera's {what} is unusable ({value})")]
+    Value {
+        /// What is wrong.
+        what: &'static str,
+        /// Its value.
+        value: f32,
+    },
+}
+
+/// Pose, intrinsics and size of one picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// Pixels across.
+    pub width: u32,
+    /// Pixels down.
+    pub height: u32,
+    /// Focal lengths and principal point.
+    pub intrinsics: Intrinsics,
+    /// Perspective or orthographic.
+    pub projection: Projection,
+    /// Where the camera stands.
+    pub pose: Pose,
+    /// Means at this camera depth or nearer are not drawn, in scene units.
+    pub near: f32,
+}
+
+impl View {
+    /// A perspective view with its principal point in the middle and square pixels.
+    ///
+    /// `fov_y`: vertical opening angle, in radians.
+    pub fn perspective(pose: Pose, fov_y: f32, width: u32, height: u32) -> Self {
+        let f = 0.5 * height as f32 / (0.5 * fov_y).tan();
+        Self {
+            width,
+            height,
+            intrinsics: Intrinsics { fx: f, fy: f, cx: 0.5 * width as f32, cy: 0.5 * height as f32 },
+            projection: Projection::Perspective,
+            pose,
+            near: DEFAULT_NEAR,
+        }
+    }
+
+    /// Checks what a file or a user gave: sizes, finite numbers, positive focal lengths, a proper rotation.
+    ///
+    /// # Errors
+    /// [`ViewError`] naming the first thing that is wrong.
+    pub fn check(&self) -> Result<(), ViewError> {
+        let fits = |n: u32| (1..=32768).contains(&n);
+        if !fits(self.width) || !fits(self.height) {
+            return Err(ViewError::Size { width: self.width, height: self.height });
+        }
+        let i = &self.intrinsics;
+        for (what, value, good) in [
+            ("focal length along x", i.fx, i.fx > 0.0),
+            ("focal length along y", i.fy, i.fy > 0.0),
+            ("principal point", i.cx + i.cy, true),
+            ("near plane", self.near, self.near >= 0.0),
+            ("position", self.pose.position.element_sum(), true),
+            (
+                "rotation (its determinant)",
+                self.pose.world_from_view.determinant(),
+                (self.pose.world_from_view.determinant() - 1.0).abs() < 0.02,
+            ),
+        ] {
+            if !(value.is_finite() && good) {
+                return Err(ViewError::Value { what, value });
+            }
+        }
+        Ok(())
+    }
+
+    /// Camera-space position of a world point.
+    pub fn to_view(&self, world: Vec3) -> Vec3 {
+        self.pose.world_from_view.transpose() * (world - self.pose.position)
+    }
+
+    /// Pixel coordinates and camera depth of a world point; `None` at or behind the near plane.
+    pub fn project(&self, world: Vec3) -> Option<(Vec2, f32)> {
+        let t = self.to_view(world);
+        // Written so that NaN fails.
+        if !(t.z > self.near) {
+            return None;
+        }
+        let i = &self.intrinsics;
+        let scale = match self.projection {
+            Projection::Perspective => 1.0 / t.z,
+            Projection::Orthographic => 1.0,
+        };
+        Some((Vec2::new(i.fx * t.x * scale + i.cx, i.fy * t.y * scale + i.cy), t.z))
+    }
+
+    /// World position of the point seen at pixel coordinates `pixel` at camera depth `depth`.
+    pub fn unproject(&self, pixel: Vec2, depth: f32) -> Vec3 {
+        let i = &self.intrinsics;
+        let scale = match self.projection {
+            Projection::Perspective => depth,
+            Projection::Orthographic => 1.0,
+        };
+        let t = Vec3::new((pixel.x - i.cx) / i.fx * scale, (pixel.y - i.cy) / i.fy * scale, depth);
+        self.pose.world_from_view * t + self.pose.position
+    }
+
+    /// Whether pixel coordinates lie inside the picture.
+    pub fn contains(&self, pixel: Vec2) -> bool {
+        pixel.x >= 0.0 && pixel.y >= 0.0 && pixel.x < self.width as f32 && pixel.y < self.height as f32
+    }
+
+    /// The same camera with a picture of another size: focal lengths follow the height, the picture grows or shrinks sideways.
+    pub fn resized(&self, width: u32, height: u32) -> Self {
+        let k = height as f32 / self.height as f32;
+        let i = &self.intrinsics;
+        let shift = 0.5 * (width as f32 - self.width as f32 * k);
+        Self {
+            width,
+            height,
+            intrinsics: Intrinsics { fx: i.fx * k, fy: i.fy * k, cx: i.cx * k + shift, cy: i.cy * k },
+            ..*self
+        }
+    }
+
+    /// Vertical opening angle, in radians.
+    pub fn fov_y(&self) -> f32 {
+        2.0 * (0.5 * self.height as f32 / self.intrinsics.fy).atan()
+    }
+
+    /// Forward direction in world space.
+    pub fn forward(&self) -> Vec3 {
+        self.pose.world_from_view.z_axis
+    }
+}
+
+impl Pose {
+    /// A camera at `eye` that looks at `target`, with `up` pointing to the top of the picture.
+    ///
+    /// Where `up` is parallel to the viewing direction, or either is zero, another direction is taken for it.
+    pub fn look_at(eye: Vec3, target: Vec3, up: Vec3) -> Self {
+        let forward = (target - eye).try_normalize().unwrap_or(Vec3::Z);
+        let mut right = forward.cross(up);
+        if right.length() < 1e-5 * up.length().max(1e-20) {
+            right = forward.any_orthonormal_vector();
+        }
+        let right = right.normalize();
+        let down = forward.cross(right);
+        Self { world_from_view: Mat3::from_cols(right, down, forward), position: eye }
+    }
+}
