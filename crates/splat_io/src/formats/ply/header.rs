@@ -114,6 +114,31 @@ impl Header {
         head.starts_with(b"ply\n") || head.starts_with(b"ply\r\n")
     }
 
+    /// The header as text, with its last line feed.
+    pub(crate) fn to_text(&self) -> Vec<u8> {
+        let encoding = match self.encoding {
+            Encoding::Ascii => "ascii",
+            Encoding::Little => "binary_little_endian",
+            Encoding::Big => "binary_big_endian",
+        };
+        let mut text = format!("ply\nformat {encoding} 1.0\n");
+        for comment in &self.comments {
+            text += &format!("comment {comment}\n");
+        }
+        for element in &self.elements {
+            text += &format!("element {} {}\n", element.name, element.count);
+            for property in &element.properties {
+                let name = &property.name;
+                text += &match property.kind {
+                    Kind::One(scalar) => format!("property {} {name}\n", scalar.word()),
+                    Kind::List { count, item } => format!("property list {} {} {name}\n", count.word(), item.word()),
+                };
+            }
+        }
+        text += "end_header\n";
+        text.into_bytes()
+    }
+
     pub(crate) fn parse(bytes: &[u8], name: &SourceName) -> Result<Self, ReadError> {
         let bad = |what: &str, expected: &str, found: &str| Err(ReadError::malformed(what, expected, found, name));
         let mut lines = Lines { bytes: &bytes[..bytes.len().min(MAX_TEXT)], at: 0 };
