@@ -1,5 +1,7 @@
 //! PLY: bit-exact round trips and every shape of file that is met in the wild.
 
+#![allow(clippy::unwrap_used, reason = "a failed unwrap is a failed test")]
+
 mod common;
 
 use common::{Random, capture, random_cloud};

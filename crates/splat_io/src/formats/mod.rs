@@ -1,8 +1,17 @@
 //! One file (or folder) per format; [`FORMATS`] lists them.
 
+pub mod compressed_ply;
+mod morton;
 pub mod ply;
+mod shared;
+pub mod splat;
 
 use crate::format::Format;
 
 /// Every format, in the order in which content tests are tried: those with a magic number first, the weakest test last.
-pub static FORMATS: &[&dyn Format] = &[&ply::Ply];
+pub static FORMATS: &[&dyn Format] = &[
+    &ply::Ply,
+    &compressed_ply::CompressedPly,
+    // Any file of whole records could pass this test: it stays last.
+    &splat::Splat,
+];

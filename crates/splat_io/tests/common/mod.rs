@@ -1,5 +1,6 @@
 //! Shared by the integration tests: where the captures are, seeded random numbers, random clouds.
 #![allow(dead_code, reason = "every test file uses a part of this")]
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "this is a test")]
 
 use std::path::PathBuf;
 

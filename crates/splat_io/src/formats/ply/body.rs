@@ -66,7 +66,7 @@ pub(crate) fn skip(
                         return Err(ReadError::truncated(what(), end + 1, end, name));
                     };
                     let items = super::decode::to_f64(bytes, count, big);
-                    if !(items >= 0.0) {
+                    if items < 0.0 || items.is_nan() {
                         return Err(ReadError::malformed("the length of a list", "0 or more", items.to_string(), name));
                     }
                     (count.size() as u64).saturating_add((items as u64).saturating_mul(item.size() as u64))

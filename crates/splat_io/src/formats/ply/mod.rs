@@ -4,12 +4,12 @@
 //! extras, further elements are kept for the writer. [`Source::layout`](splat_core::Source) keeps what an untouched
 //! cloud needs to be written bit for bit.
 
-mod body;
-mod comments;
+pub(crate) mod body;
+pub(crate) mod comments;
 mod decode;
 mod encode;
 mod filter;
-mod header;
+pub(crate) mod header;
 mod layout;
 mod roles;
 
@@ -21,6 +21,7 @@ use splat_core::{Cloud, CloudArrays, ExtraValues};
 use self::header::{Encoding, Header, Scalar};
 use self::layout::{Kept, Layout};
 use self::roles::{Role, Schema};
+use super::compressed_ply::CompressedPly;
 use crate::format::{Format, ReadReport, Siblings, WriteOptions, Written};
 use crate::{ReadError, SourceName, WriteError};
 
@@ -42,7 +43,8 @@ impl Format for Ply {
     }
 
     fn sniff(&self, head: &[u8], _file_len: u64) -> bool {
-        Header::sniff(head)
+        // A compressed PLY starts in the same way and is another format.
+        Header::sniff(head) && !CompressedPly::has_packed_values(head)
     }
 
     fn read(&self, bytes: &[u8], name: &SourceName, _files: &dyn Siblings) -> Result<(Cloud, ReadReport), ReadError> {
