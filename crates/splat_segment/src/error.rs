@@ -1,6 +1,6 @@
 //! [`SegmentError`]: why masks could not be lifted.
 
-use splat_core::MaskError;
+use splat_core::{CloudError, MaskError};
 use splat_raster::RasterError;
 
 /// Why masks could not be lifted to Gaussians. Nothing has changed when one is returned.
@@ -13,6 +13,9 @@ pub enum SegmentError {
     /// Two masks, or a mask and its view, differ in size.
     #[error(transparent)]
     Mask(#[from] MaskError),
+    /// The pieces of split Gaussians do not make a cloud.
+    #[error(transparent)]
+    Cloud(#[from] CloudError),
     /// The caller asked to stop.
     #[error("stopped on request; nothing was changed")]
     Cancelled,

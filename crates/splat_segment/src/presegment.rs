@@ -175,12 +175,12 @@ pub fn presegment(
 
 /// Turns [`Region::Unconnected`] back into [`Region::Unknown`] where a chain of neighbouring cells leads to what is inside.
 ///
-/// Cells are cubes of 1/32 of the extent of what is inside; cells that touch, by a corner even, are neighbours.
+/// Cells are cubes of 1/16 of the extent of what is inside; cells that touch, by a corner even, are neighbours.
 fn keep_connected(means: &[Vec3], regions: &mut [Region]) {
     let inside =
         || means.iter().zip(regions.iter()).filter(|(m, r)| **r == Region::In && m.is_finite()).map(|(m, _)| *m);
     let (low, high) = inside().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), |(low, high), m| (low.min(m), high.max(m)));
-    let cell = (high - low).max_element() / 32.0;
+    let cell = (high - low).max_element() / 16.0;
     if !(cell > 0.0 && cell.is_finite()) {
         return;
     }

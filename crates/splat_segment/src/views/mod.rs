@@ -12,4 +12,5 @@ pub use order::{Plan, PlanKind, chain, most_similar, ring_from};
 pub use subset::evenly_spaced;
 pub(crate) use turnaround::alone;
 pub use turnaround::{Dropped, Turnaround, TurnaroundSettings, turnaround};
+pub(crate) use visibility::within;
 pub use visibility::{VISIBLE_WEIGHT, ViewSets};

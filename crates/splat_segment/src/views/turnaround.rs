@@ -1,6 +1,7 @@
 //! A circle of views about what an annotated mask shows.
 
 use glam::{Quat, Vec2, Vec3};
+use rayon::prelude::*;
 use splat_core::{Mask2d, Pose, Selection, View};
 use splat_raster::{Frame, Instance, Outputs, Rasterizer, Scene};
 
@@ -90,6 +91,9 @@ pub fn turnaround(
         let mut found = None;
         for (variant, eye) in variants(eye, up, radius).into_iter().enumerate() {
             let candidate = View { pose: Pose::look_at(center + turn * eye, center, up), ..*view };
+            if encloses(scene, candidate.pose.position, center) {
+                continue;
+            }
             let small = within(&candidate, 320);
             let by_itself = raster.visibility(&alone, &small, VISIBLE_WEIGHT)?;
             let mut seen = raster.visibility(scene, &small, VISIBLE_WEIGHT)?;
@@ -110,6 +114,27 @@ pub fn turnaround(
         }
     }
     Ok(out)
+}
+
+/// Whether the eye stands inside something: within two standard deviations of a Gaussian that is not mostly transparent. Those
+/// as large as the way to the centre are surroundings and do not count.
+fn encloses(scene: &Scene, eye: Vec3, center: Vec3) -> bool {
+    let way = eye.distance(center);
+    scene.instances.iter().any(|instance| {
+        let cloud = &instance.cloud;
+        let local = instance.transform.inverse().apply(eye);
+        let way = way / instance.transform.scale;
+        (0..cloud.len()).into_par_iter().any(|i| {
+            let d = local - cloud.means()[i];
+            let largest = cloud.log_scales()[i].max_element().exp();
+            // Written so that NaN fails.
+            if !(d.length() < 2.0 * largest && largest < 0.5 * way) || !cloud.drawable(i) || cloud.opacity(i) < 0.3 {
+                return false;
+            }
+            let hidden = instance.hidden.as_ref().is_some_and(|h| h.contains(i));
+            !hidden && ((cloud.rotation(i).inverse() * d) / cloud.scale(i)).length() < 2.0
+        })
+    })
 }
 
 /// Positions to try where the object is hidden, the plain one first: nearer, then higher, then both.
