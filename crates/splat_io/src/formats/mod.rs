@@ -1,10 +1,15 @@
 //! One file (or folder) per format; [`FORMATS`] lists them.
 
 pub mod compressed_ply;
+mod flip;
+mod half;
+mod limit;
 mod morton;
 pub mod ply;
 mod shared;
 pub mod splat;
+pub mod spz;
+mod turn;
 
 use crate::format::Format;
 
@@ -12,6 +17,7 @@ use crate::format::Format;
 pub static FORMATS: &[&dyn Format] = &[
     &ply::Ply,
     &compressed_ply::CompressedPly,
+    &spz::Spz,
     // Any file of whole records could pass this test: it stays last.
     &splat::Splat,
 ];
