@@ -9,6 +9,7 @@ mod error;
 mod format;
 pub mod formats;
 pub mod npy;
+mod pages;
 pub mod picture;
 mod read;
 mod write;

@@ -2,13 +2,13 @@
 
 use std::io::Write;
 
-use bytemuck::zeroed_vec;
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 use splat_core::{Cloud, CloudArrays, sh};
 
 use super::shared::{alpha_byte, finite_or, logit_of_byte, unit_byte, usual_losses, wxyz};
 use crate::format::{Format, ReadReport, Siblings, WriteOptions, Written};
+use crate::pages::zeroed_vec;
 use crate::{ReadError, SourceName, WriteError};
 
 /// Bytes of a record.

@@ -1,6 +1,5 @@
 //! Packed words into arrays.
 
-use bytemuck::zeroed_vec;
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 use splat_core::{CloudArrays, sh};
@@ -8,6 +7,7 @@ use splat_core::{CloudArrays, sh};
 use super::{CHUNK, CHUNK_NAMES, PACKED_NAMES, Table};
 use crate::formats::ply::header::{Kind, Scalar};
 use crate::formats::shared::logit_of_byte;
+use crate::pages::zeroed_vec;
 use crate::{ReadError, SourceName};
 
 /// Gaussians decoded together: whole chunks.

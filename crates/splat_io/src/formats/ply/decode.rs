@@ -1,12 +1,12 @@
 //! Records of a binary PLY file into arrays, in parallel blocks.
 
-use bytemuck::zeroed_vec;
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 use splat_core::{CloudArrays, ExtraProperty, ExtraValues, sh};
 
 use super::header::{Encoding, Scalar};
 use super::roles::{Role, Schema};
+use crate::pages::zeroed_vec;
 
 /// Records of a block: small enough for the second-level cache, large enough to hide the scheduling.
 const BLOCK: usize = 2048;

@@ -1,6 +1,6 @@
 //! Bytes of the arrays into values, in parallel blocks.
 
-use bytemuck::zeroed_vec;
+use crate::pages::zeroed_vec;
 use glam::{Quat, Vec3};
 use rayon::prelude::*;
 
