@@ -3,6 +3,7 @@
 pub mod compressed_ply;
 mod flip;
 mod half;
+pub mod ksplat;
 mod limit;
 mod morton;
 pub mod ply;
@@ -18,6 +19,7 @@ pub static FORMATS: &[&dyn Format] = &[
     &ply::Ply,
     &compressed_ply::CompressedPly,
     &spz::Spz,
+    &ksplat::Ksplat,
     // Any file of whole records could pass this test: it stays last.
     &splat::Splat,
 ];
