@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::Vec3;
 use serde_json::{Value, json};
 use splat_core::{Cloud, Mask2d, View};
-use splat_io::{npy, picture};
+use splat_io::npy;
 use splat_raster::cpu::CpuRasterizer;
 use splat_raster::{Features, Rasterizer, Scene, VOTE_UNIT};
 
@@ -88,7 +88,12 @@ impl Bench {
         write_json(&folder.join("cameras.json"), &cameras_json(&self.training, "view"))?;
         write_json(&folder.join("gt/cameras.json"), &cameras_json(&self.held_back, "gt"))?;
         for (k, (view, map)) in self.held_back.iter().zip(&self.held_back_maps).enumerate() {
-            picture::write_png_gray8(folder.join(format!("gt/labels_{k:02}.png")), view.width, view.height, map)?;
+            write_gray(
+                &folder.join(format!("gt/labels_{k:02}.png")),
+                (view.width, view.height),
+                png::BitDepth::Eight,
+                map,
+            )?;
         }
         let mut list = Vec::new();
         for label in 1..=NAMES.len() as u8 {
@@ -195,6 +200,30 @@ fn cameras_json(views: &[View], name: &str) -> Value {
             })
         })
         .collect()
+}
+
+/// Writes a mask with one bit per pixel, as small as it gets.
+///
+/// # Errors
+/// When the file cannot be written.
+pub(crate) fn write_mask(path: &Path, mask: &Mask2d) -> Result<(), Failure> {
+    let row = |line: &[u8]| -> Vec<u8> {
+        let byte =
+            |eight: &[u8]| eight.iter().enumerate().fold(0, |b, (k, &v)| b | u8::from(v >= Mask2d::HALF) << (7 - k));
+        line.chunks(8).map(byte).collect()
+    };
+    let bits: Vec<u8> = mask.values().chunks(mask.width() as usize).flat_map(row).collect();
+    write_gray(path, (mask.width(), mask.height()), png::BitDepth::One, &bits)
+}
+
+fn write_gray(path: &Path, (width, height): (u32, u32), depth: png::BitDepth, bytes: &[u8]) -> Result<(), Failure> {
+    let mut encoder = png::Encoder::new(std::fs::File::create(path)?, width, height);
+    encoder.set_color(png::ColorType::Grayscale);
+    encoder.set_depth(depth);
+    encoder.set_compression(png::Compression::High);
+    encoder.set_filter(png::Filter::NoFilter);
+    encoder.write_header()?.write_image_data(bytes)?;
+    Ok(())
 }
 
 /// A number as short text: rounded to steps of 1 / `unit`.

@@ -22,7 +22,8 @@ pub(crate) fn cloud(dabs: &[Dab]) -> Result<(Cloud, Vec<u8>), CloudError> {
     let mut labels = Vec::with_capacity(dabs.len());
     for (_, k) in order {
         let d = &dabs[k];
-        a.means.push(to_world(d.at).as_vec3());
+        // Half millimetres: every format with 12 fractional bits holds them exactly, and they compress.
+        a.means.push(((to_world(d.at) * 2048.0).round() / 2048.0).as_vec3());
         let s = d.sigma.max(glam::DVec3::splat(1e-4));
         a.log_scales.push(Vec3::new(eighth(s.x), eighth(s.y), eighth(s.z)));
         a.rotations.push(quaternion(world().0 * d.axes));

@@ -95,6 +95,16 @@ fn of_solid(field: &Field, cameras: &[Camera], index: usize, seed: u64) -> Vec<D
         });
         if seen {
             coat.push(place);
+        } else if matches!(solid.material, Material::Paint(_)) {
+            // Behind curtains and furniture a wall is dim but whole: training sees glimpses of it.
+            let dim = unseen(solid, &place, &mut rng);
+            let light = look_at(solid, place.at, place.normal).albedo * rng.range(0.28, 0.42);
+            out.push(Dab {
+                opacity: rng.range(0.6, 0.95),
+                sigma: dim.sigma * v(1.3, 1.6, 0.2),
+                color: develop(light),
+                ..dim
+            });
         } else if !(background && small) && rng.unit() < if background { 0.12 } else { 0.28 } {
             out.push(unseen(solid, &place, &mut rng));
         }

@@ -5,9 +5,8 @@ use std::path::Path;
 use glam::Vec3;
 use serde_json::{Value, json};
 use splat_core::Mask2d;
-use splat_io::picture;
 
-use crate::bench::{Bench, Failure, mask_of};
+use crate::bench::{Bench, Failure, mask_of, write_mask};
 use crate::room::NAMES;
 
 /// A prompt and the views that correct it.
@@ -108,7 +107,7 @@ impl Prompt {
         let mask_in = |camera: usize, kind: &str| -> Result<(Mask2d, String), Failure> {
             let mask = mask_of(&bench.maps[camera], &bench.training[camera], self.label);
             let path = format!("masks/{:02}_{}_{kind}_v{camera:02}.png", self.label, name.replace(' ', "-"));
-            picture::write_mask(folder.join(&path), &mask)?;
+            write_mask(&folder.join(&path), &mask)?;
             Ok((mask, path))
         };
         let (mask, path) = mask_in(self.camera, self.kind)?;

@@ -74,13 +74,13 @@ fn shell(b: &mut Builder) {
     b.object(0, DVec3::ZERO, DMat3::IDENTITY);
     let (mx, mz) = ((LEFT + RIGHT) * 0.5, (BACK + FRONT) * 0.5);
     let (hx, hz) = ((RIGHT - LEFT) * 0.5 + 0.1, (FRONT - BACK) * 0.5 + 0.1);
-    b.detail(0.0132, 0.042).add(Shape::Block(v(hx, 0.05, hz), 0.001), Material::Boards, v(mx, -0.05, mz));
+    b.detail(0.0135, 0.045).add(Shape::Block(v(hx, 0.05, hz), 0.001), Material::Boards, v(mx, -0.05, mz));
     b.detail(0.03, 0.085);
     let sage = Material::Paint(rgb(176, 188, 168));
     let sand = Material::Paint(rgb(224, 214, 196));
     b.add(Shape::Block(v(hx, HIGH * 0.5, 0.05), 0.001), sage, v(mx, HIGH * 0.5, BACK - 0.05));
     b.add(Shape::Block(v(0.05, HIGH * 0.5, hz), 0.001), sand, v(LEFT - 0.05, HIGH * 0.5, mz));
-    b.detail(0.015, 0.034);
+    b.detail(0.015, 0.027);
     b.add(Shape::Block(v(hx, 0.055, 0.009), 0.004), white, v(mx, 0.055, BACK + 0.009));
     b.add(Shape::Block(v(0.009, 0.055, hz), 0.004), white, v(LEFT + 0.009, 0.055, mz));
 }
@@ -90,7 +90,7 @@ fn window(b: &mut Builder) {
     let (hz, hy) = (WINDOW_HALF.x, WINDOW_HALF.y);
     b.object(0, v(LEFT, WINDOW.x, WINDOW.y), turn(1, 90.0));
     b.detail(0.022, 0.04).add(Shape::Block(v(hz, hy, 0.006), 0.001), Material::Outdoors(hz, hy), DVec3::ZERO);
-    b.detail(0.014, 0.03);
+    b.detail(0.0125, 0.019);
     for s in [-1.0, 1.0] {
         b.add(Shape::Block(v(0.035, hy + 0.07, 0.03), 0.006), white, v(s * (hz + 0.035), 0.0, 0.03));
         b.add(Shape::Block(v(hz + 0.07, 0.035, 0.03), 0.006), white, v(0.0, s * (hy + 0.035), 0.03));
@@ -99,7 +99,7 @@ fn window(b: &mut Builder) {
     b.add(Shape::Block(v(hz, 0.014, 0.016), 0.005), white, v(0.0, 0.12, 0.016));
     b.add(Shape::Block(v(hz + 0.13, 0.018, 0.075), 0.008), white, v(0.0, -hy - 0.085, 0.075));
     let linen = Material::Cloth(rgb(228, 214, 190));
-    b.detail(0.020, 0.03);
+    b.detail(0.018, 0.026);
     for s in [-1.0, 1.0] {
         b.add(Shape::Cloth(0.19, 0.98, 0.034, 8.0), linen, v(s * (hz + 0.24), -0.12, 0.12));
     }

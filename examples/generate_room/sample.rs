@@ -167,6 +167,10 @@ pub(crate) fn thin_out(candidates: Vec<Place>, largest: f64, factor: f64) -> Vec
                             let o = &kept[o as usize];
                             let r = 0.5 * (c.spacing + o.spacing) * factor;
                             let d = o.at - c.at;
+                            let far = r * STRETCH;
+                            if d.length_squared() >= far * far {
+                                return true;
+                            }
                             // Two faces of a thin sheet do not thin each other out.
                             let apart = if c.normal.dot(o.normal) < 0.0 { r * r } else { 0.0 };
                             0.5 * (measure(&c, d) + measure(o, d)) + apart >= r * r
