@@ -3,6 +3,25 @@
 //! [`read`] decides the format by content first, by extension only between candidates; [`write()`] by extension.
 //! [`FORMATS`] is the one list of formats: `--help`, README and the file dialog are made from it.
 //! Cameras: [`cameras`]; masks, label maps and pictures: [`picture`]; numpy arrays: [`npy`].
+//!
+//! ```
+//! use splat_io::{WriteOptions, read, write};
+//!
+//! # let folder = std::env::temp_dir().join(format!("splat_io_doc_{}", std::process::id()));
+//! # std::fs::create_dir_all(&folder)?;
+//! # let (input, output) = (folder.join("room.ply"), folder.join("half.compressed.ply"));
+//! # write(&input, &splat_core::Cloud::default(), &WriteOptions::default())?;
+//! let (cloud, report) = read(&input)?;
+//! assert_eq!((report.format, report.not_finite), ("ply", 0));
+//!
+//! let every_second: Vec<u32> = (0..cloud.len() as u32).step_by(2).collect();
+//! let written = write(&output, &cloud.pick(&every_second), &WriteOptions::default())?;
+//! for loss in &written.losses {
+//!     println!("{loss}");
+//! }
+//! # std::fs::remove_dir_all(&folder)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
 
 pub mod cameras;
 mod error;

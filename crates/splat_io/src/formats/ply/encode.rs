@@ -213,7 +213,7 @@ fn afresh(cloud: &Cloud, losses: &mut Vec<String>) -> Plan<'static> {
             continue;
         }
         let taken = columns.iter().any(|c| c.name == extra.name) || extra.name.starts_with("f_rest_");
-        let sound = !extra.name.is_empty() && extra.name.bytes().all(|b| b.is_ascii_graphic());
+        let sound = !extra.name.is_empty() && !extra.name.contains(|c: char| c.is_ascii_whitespace());
         match scalar_of(&extra.values) {
             // A second reading would apply the filter a second time.
             Some(scalar) if sound && !taken && extra.name != "filter_3D" => {

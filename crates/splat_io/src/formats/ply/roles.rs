@@ -98,7 +98,8 @@ impl Schema {
 
 fn filter_fits(vertex: &Element) -> bool {
     // A surfel has no third scale for the filter to widen.
-    vertex.has("scale_2") && vertex.properties.iter().any(|p| p.name == "filter_3D" && p.kind == Kind::One(Scalar::F32))
+    let float = |kind: Kind| matches!(kind, Kind::One(Scalar::F32 | Scalar::F64));
+    vertex.has("scale_2") && vertex.properties.iter().any(|p| p.name == "filter_3D" && float(p.kind))
 }
 
 fn rest_index(name: &str) -> Option<usize> {
