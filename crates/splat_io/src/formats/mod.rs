@@ -8,6 +8,7 @@ mod limit;
 mod morton;
 pub mod ply;
 mod shared;
+pub mod sog;
 pub mod splat;
 pub mod spz;
 mod turn;
@@ -19,6 +20,7 @@ pub static FORMATS: &[&dyn Format] = &[
     &ply::Ply,
     &compressed_ply::CompressedPly,
     &spz::Spz,
+    &sog::Sog,
     &ksplat::Ksplat,
     // Any file of whole records could pass this test: it stays last.
     &splat::Splat,

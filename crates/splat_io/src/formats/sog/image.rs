@@ -1,0 +1,51 @@
+//! Lossless WebP pictures as plain tables of bytes: no colour management, no premultiplied alpha.
+
+use std::io::Cursor;
+
+use image_webp::WebPDecoder;
+
+use super::super::limit;
+use crate::{ReadError, SourceName};
+
+/// A decoded picture.
+#[derive(Debug)]
+pub(super) struct Image {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    /// Bytes per pixel: 3 (opaque) or 4.
+    channels: usize,
+    bytes: Vec<u8>,
+}
+
+impl Image {
+    /// Decodes a file. `total_len`: bytes of all files of the capture, which bound the size of any picture.
+    pub(super) fn decode(file: &str, data: &[u8], total_len: usize, name: &SourceName) -> Result<Self, ReadError> {
+        let bad = |found: String| ReadError::malformed(format!("the picture `{file}`"), "a lossless WebP", found, name);
+        let damaged = |error: image_webp::DecodingError| bad(error.to_string());
+        let mut decoder = WebPDecoder::new(Cursor::new(data)).map_err(damaged)?;
+        if decoder.is_animated() || decoder.is_lossy() {
+            let found = if decoder.is_animated() { "an animation" } else { "a lossy one; its values are lost" };
+            return Err(bad(found.to_owned()));
+        }
+        let (width, height) = decoder.dimensions();
+        let size = 4 * u64::from(width) * u64::from(height);
+        limit::check(&format!("the unpacked size of `{file}`"), size, total_len, name)?;
+        decoder.set_memory_limit(limit::unpacked_limit(total_len) as usize);
+        let size = decoder.output_buffer_size().ok_or_else(|| bad(format!("{width} x {height}")))?;
+        let channels = if decoder.has_alpha() { 4 } else { 3 };
+        let mut bytes = vec![0; size];
+        decoder.read_image(&mut bytes).map_err(damaged)?;
+        Ok(Self { width: width as usize, height: height as usize, channels, bytes })
+    }
+
+    /// Number of pixels.
+    pub(super) fn len(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Red, green, blue and alpha of pixel `i`, row after row. `i` must be below [`Image::len`].
+    pub(super) fn pixel(&self, i: usize) -> [u8; 4] {
+        let p = &self.bytes[i * self.channels..(i + 1) * self.channels];
+        [p[0], p[1], p[2], if self.channels == 4 { p[3] } else { 255 }]
+    }
+}
