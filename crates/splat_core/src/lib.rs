@@ -16,7 +16,9 @@
 
 pub mod bounds;
 mod cloud;
+pub mod color;
 mod mask;
+mod neighbours;
 mod selection;
 pub mod sh;
 mod transform;
@@ -24,6 +26,7 @@ mod view;
 
 pub use cloud::{Cloud, CloudArrays, CloudError, ExtraProperty, ExtraValues, GaussianId, Source};
 pub use mask::{Mask2d, MaskError};
+pub use neighbours::{KdTree, NO_NEIGHBOUR, Neighbours};
 pub use selection::{SelectMode, Selection};
 pub use transform::Similarity;
 pub use view::{DEFAULT_NEAR, Intrinsics, Pose, Projection, View, ViewError};

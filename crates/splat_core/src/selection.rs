@@ -54,6 +54,20 @@ impl Selection {
         s
     }
 
+    /// The selection of `len` Gaussians with these bits, laid out as in [`Selection::words`]; missing words count as 0,
+    /// bits beyond the end are dropped.
+    pub fn from_words(len: usize, mut words: Vec<u64>) -> Self {
+        words.resize(len.div_ceil(64), 0);
+        let mut s = Self { words, len };
+        s.clear_tail();
+        s
+    }
+
+    /// Gives the memory of the bits back, to be used again.
+    pub fn into_words(self) -> Vec<u64> {
+        self.words
+    }
+
     /// Number of Gaussians of the cloud this belongs to.
     pub fn len(&self) -> usize {
         self.len
