@@ -1,6 +1,6 @@
 //! What is asked of a frame and what comes back.
 
-use splat_core::{Mask2d, Selection, ViewError};
+use splat_core::{Mask2d, Selection, View, ViewError};
 
 /// One unit of a vote: weights are summed as integers in units of 2^-16.
 pub const VOTE_UNIT: f64 = 1.0 / 65_536.0;
@@ -86,6 +86,39 @@ pub struct Frame {
 impl Frame {
     /// Stands for "no Gaussian" in pictures of ids.
     pub const NO_ID: u32 = u32::MAX;
+
+    /// Gives every buffer asked for its size, with sums per Gaussian at 0, and empties the others; memory is kept.
+    pub(crate) fn reset(&mut self, view: &View, outputs: &Outputs, gaussians: usize) {
+        /// Pictures keep what they had: every pixel is written.
+        fn size<T: Copy>(buffer: &mut Vec<T>, len: usize, blank: T) {
+            buffer.truncate(len);
+            buffer.resize(len, blank);
+        }
+        (self.width, self.height) = (view.width, view.height);
+        let pixels = view.width as usize * view.height as usize;
+        let sized = |on: bool| if on { pixels } else { 0 };
+        size(&mut self.color, sized(outputs.color), [0.0; 4]);
+        size(&mut self.median_depth, sized(outputs.median_depth), f32::NAN);
+        size(&mut self.expected_depth, sized(outputs.expected_depth), f32::NAN);
+        size(&mut self.features, pixels * outputs.features.map_or(0, |f| f.channels), 0.0);
+        size(&mut self.first_hits, sized(outputs.first_hits.is_some()), Self::NO_ID);
+        size(&mut self.strongest, sized(outputs.strongest), Self::NO_ID);
+
+        let clear = |words: &mut Vec<u64>, len: usize| {
+            words.clear();
+            words.resize(len, 0);
+        };
+        let mut visible = std::mem::take(&mut self.visibility).into_words();
+        let bits = if outputs.visibility.is_some() { gaussians } else { 0 };
+        clear(&mut visible, bits.div_ceil(64));
+        self.visibility = Selection::from_words(bits, visible);
+        let (masks, gaussians) = outputs.votes.map_or((0, 0), |masks| (masks.len(), gaussians));
+        clear(&mut self.votes.total, gaussians);
+        self.votes.inside.resize_with(masks, Vec::new);
+        for inside in &mut self.votes.inside {
+            clear(inside, gaussians);
+        }
+    }
 }
 
 /// Why a frame could not be drawn.
@@ -95,6 +128,22 @@ pub enum RasterError {
     /// The view itself is unusable.
     #[error(transparent)]
     View(#[from] ViewError),
+    /// The picture has more pixels than can be drawn at once.
+    #[error(
+        "a picture of {width}x{height} pixels is too large; at most 268435456 pixels (16384x16384) are drawn at once"
+    )]
+    TooLarge {
+        /// Pixels across.
+        width: u32,
+        /// Pixels down.
+        height: u32,
+    },
+    /// The instances have more Gaussians together than 32-bit ids can name.
+    #[error("the scene has {found} Gaussians, at most 4294967295 can be drawn together")]
+    TooMany {
+        /// Gaussians of all instances.
+        found: usize,
+    },
     /// A mask has another size than the view.
     #[error("the mask has {}x{} pixels, the view {}x{}; draw or scale the mask at the view's size", mask.0, mask.1, view.0, view.1)]
     SizeMismatch {

@@ -13,7 +13,7 @@ pub mod cpu;
 mod frame;
 mod scene;
 
-pub use frame::{Depth, Features, Frame, Outputs, RasterError, Votes, VOTE_UNIT};
+pub use frame::{Depth, Features, Frame, Outputs, RasterError, VOTE_UNIT, Votes};
 pub use scene::{Instance, Scene};
 
 use splat_core::{Mask2d, Selection, View};

@@ -1,32 +1,280 @@
-//! The CPU back end: project, one sort by depth, tiles, blend.
+//! The CPU back end: project and cull in lanes, one sort by depth, stable scatter to tiles, blend 16 pixels at a time.
+//!
+//! [`CpuRasterizer`] keeps its memory from frame to frame, and the tile lists of the last scene and view: drawing the
+//! same scene from the same view again, for other masks, features or thresholds, costs the last stage only.
 
-mod plain;
+mod bin;
+mod blend;
+mod canvas;
+mod project;
+mod shared;
+mod simd;
+mod sort;
+mod splat;
+mod timings;
 
-use splat_core::View;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, Weak};
+use std::time::Instant;
 
+use rayon::prelude::*;
+use splat_core::{Cloud, Selection, Similarity, View};
+
+use self::bin::{Binning, Bins};
+use self::blend::{Blend, Pixels, Request, Sums};
+use self::canvas::Canvas;
+use self::project::{Block, Project, Setup};
+pub use self::simd::InstructionSet;
+use self::sort::Sorter;
+use self::splat::{Cover, Splat, TILE};
+pub use self::timings::{Stage, Timings};
 use crate::{Frame, Outputs, RasterError, Rasterizer, Scene};
 
-/// Draws on the CPU, all cores.
-#[derive(Debug, Default)]
-pub struct CpuRasterizer {}
+/// Gaussians that one thread projects at a time; a multiple of 64, so that hidden bits come in whole words.
+const BLOCK: usize = 2048;
+/// Pixels of the largest picture: 16384 x 16384.
+const LARGEST_PICTURE: u64 = 1 << 28;
+
+/// Draws on the CPU, with all threads of the current rayon pool.
+///
+/// The result does not depend on the number of threads, to the bit, nor on whether AVX2 or AVX-512 is used.
+///
+/// The tile lists of the last draw are kept. A further draw of the same scene (the same `Arc`s, transforms and hidden
+/// bits) from an equal view skips all stages but the last: ask for `votes` of a repainted mask right after a frame of
+/// that view, with the same rasteriser, and it costs only that. A draw that also needs colours reuses the lists only if
+/// the earlier one had colours.
+pub struct CpuRasterizer {
+    set: InstructionSet,
+    splats: Vec<Splat>,
+    covers: Vec<Cover>,
+    keys: Vec<u64>,
+    blocks: Vec<Block>,
+    sorter: Sorter,
+    bins: Bins,
+    pixels: Vec<Mutex<Pixels>>,
+    last: Option<Key>,
+    timings: Timings,
+}
+
+/// What the tile lists depend on.
+#[derive(PartialEq)]
+struct Key {
+    instances: Vec<InstanceKey>,
+    view: View,
+    color: bool,
+}
+
+/// The weak references keep the addresses from being used again, and the contents from being changed in place.
+struct InstanceKey {
+    cloud: Weak<Cloud>,
+    hidden: Option<Weak<Selection>>,
+    transform: Similarity,
+}
+
+impl PartialEq for InstanceKey {
+    fn eq(&self, other: &Self) -> bool {
+        let hidden = match (&self.hidden, &other.hidden) {
+            (None, None) => true,
+            (Some(a), Some(b)) => a.ptr_eq(b),
+            _ => false,
+        };
+        hidden && self.cloud.ptr_eq(&other.cloud) && self.transform == other.transform
+    }
+}
+
+impl Key {
+    /// Whether lists made for this serve `scene` from `view`.
+    fn serves(&self, scene: &Scene, view: &View, color: bool) -> bool {
+        self.view == *view
+            && (self.color || !color)
+            && self.instances.len() == scene.instances.len()
+            && self.instances.iter().zip(&scene.instances).all(|(key, instance)| {
+                let hidden = match (&key.hidden, &instance.hidden) {
+                    (None, None) => true,
+                    (Some(a), Some(b)) => a.as_ptr() == Arc::as_ptr(b),
+                    _ => false,
+                };
+                hidden && key.cloud.as_ptr() == Arc::as_ptr(&instance.cloud) && key.transform == instance.transform
+            })
+    }
+
+    fn set(&mut self, scene: &Scene, view: &View, color: bool) {
+        self.instances.clear();
+        self.instances.extend(scene.instances.iter().map(|i| InstanceKey {
+            cloud: Arc::downgrade(&i.cloud),
+            hidden: i.hidden.as_ref().map(Arc::downgrade),
+            transform: i.transform,
+        }));
+        (self.view, self.color) = (*view, color);
+    }
+}
+
+impl std::fmt::Debug for CpuRasterizer {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("CpuRasterizer").field("set", &self.set).finish_non_exhaustive()
+    }
+}
+
+impl Default for CpuRasterizer {
+    fn default() -> Self {
+        Self::new()
+    }
+}
 
 impl CpuRasterizer {
     /// A rasteriser that takes the fastest instruction set of this machine.
     pub fn new() -> Self {
-        Self::default()
+        Self::with(InstructionSet::best())
+    }
+
+    /// A rasteriser that takes this instruction set, the portable one where the machine lacks it.
+    pub fn with(set: InstructionSet) -> Self {
+        Self {
+            set: if set.available() { set } else { InstructionSet::Portable },
+            splats: Vec::new(),
+            covers: Vec::new(),
+            keys: Vec::new(),
+            blocks: Vec::new(),
+            sorter: Sorter::default(),
+            bins: Bins::default(),
+            pixels: Vec::new(),
+            last: None,
+            timings: Timings::default(),
+        }
+    }
+
+    /// The instruction set in use.
+    pub fn instruction_set(&self) -> InstructionSet {
+        self.set
+    }
+
+    /// What the stages of the last draw took.
+    pub fn timings(&self) -> Timings {
+        self.timings
+    }
+
+    /// Stages 1 to 3, unless the last draw's lists serve.
+    fn prepare(&mut self, scene: &Scene, view: &View, color: bool) {
+        let begin = Instant::now();
+        let count = scene.len();
+        // Only grown: entries of earlier frames are never read, since only keys lead to them.
+        if self.splats.len() < count {
+            self.splats.resize(count, Splat::default());
+            self.covers.resize(count, Cover::default());
+            self.keys.resize(count, 0);
+        }
+        self.blocks.clear();
+        let mut first = 0;
+        for instance in &scene.instances {
+            let len = instance.cloud.len();
+            let known = self.blocks.len();
+            self.blocks.resize(known + len.div_ceil(BLOCK), Block::default());
+            let setup = Setup::new(instance, first as u32, view, color);
+            let set = self.set;
+            self.splats[first..first + len]
+                .par_chunks_mut(BLOCK)
+                .zip(self.covers[first..first + len].par_chunks_mut(BLOCK))
+                .zip(self.keys[first..first + len].par_chunks_mut(BLOCK))
+                .zip(&mut self.blocks[known..])
+                .enumerate()
+                .for_each(|(k, (((splats, covers), keys), block))| {
+                    let begin = Instant::now();
+                    *block = set.run(Project { setup: &setup, start: k * BLOCK, splats, covers, keys });
+                    let _ = begin;
+                });
+            first += len;
+        }
+        self.timings.project.wall = begin.elapsed();
+        let begin = Instant::now();
+        self.sorter.sort(&self.keys, &self.blocks);
+        self.timings.sort.wall = begin.elapsed();
+        let begin = Instant::now();
+        let binning = Binning {
+            sorted: self.sorter.sorted(),
+            splats: &self.splats,
+            covers: &self.covers,
+            tiles: (view.width.div_ceil(TILE as u32), view.height.div_ceil(TILE as u32)),
+        };
+        self.bins.start(binning);
+        self.timings.bin.wall = begin.elapsed();
+        match &mut self.last {
+            Some(key) => key.set(scene, view, color),
+            none => {
+                let mut key = Key { instances: Vec::new(), view: *view, color };
+                key.set(scene, view, color);
+                *none = Some(key);
+            }
+        }
+    }
+
+    /// Stage 4 for the tiles whose lists are there.
+    fn blend(&self, request: Request, across: usize) {
+        let next = AtomicUsize::new(0);
+        let order = self.bins.order();
+        self.pixels.par_iter().with_max_len(1).for_each(|pixels| {
+            // Never contended: there is one for each task.
+            let mut pixels = pixels.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+            while let Some(&tile) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
+                let tile = tile as usize;
+                self.set.run(Blend {
+                    request,
+                    list: self.bins.list(tile),
+                    corner: (tile % across * TILE, tile / across * TILE),
+                    pixels: &mut pixels,
+                });
+            }
+        });
     }
 }
 
 impl Rasterizer for CpuRasterizer {
-    fn draw(
-        &mut self,
-        scene: &Scene,
-        view: &View,
-        outputs: &Outputs,
-        frame: &mut Frame,
-    ) -> Result<(), RasterError> {
+    fn draw(&mut self, scene: &Scene, view: &View, outputs: &Outputs, frame: &mut Frame) -> Result<(), RasterError> {
         check(scene, view, outputs)?;
-        plain::draw(scene, view, outputs, frame);
+        self.timings = Timings::default();
+        if !self.last.as_ref().is_some_and(|key| key.serves(scene, view, outputs.color)) {
+            self.last = None;
+            self.prepare(scene, view, outputs.color);
+        }
+        let begin = Instant::now();
+        let threads = rayon::current_num_threads();
+        if self.pixels.len() != threads {
+            self.pixels.resize_with(threads, Mutex::default);
+        }
+        frame.reset(view, outputs, scene.len());
+        let mut visible = std::mem::take(&mut frame.visibility).into_words();
+        let mut votes = std::mem::take(&mut frame.votes);
+        let total = shared::atomic(&mut votes.total);
+        let inside: Vec<_> = votes.inside.iter_mut().map(|words| shared::atomic(words)).collect();
+        let sums = Sums { visible: shared::atomic(&mut visible), total, inside: &inside };
+        let (width, height) = (view.width as usize, view.height as usize);
+        let across = width.div_ceil(TILE);
+        let canvas = Canvas::new(frame);
+        let request = Request { splats: &self.splats, size: (width, height), outputs, sums, canvas: &canvas };
+        self.blend(request, across);
+        let rounds = !self.bins.done();
+        while !self.bins.done() {
+            self.bins.fill(Binning {
+                sorted: self.sorter.sorted(),
+                splats: &self.splats,
+                covers: &self.covers,
+                tiles: (across as u32, height.div_ceil(TILE) as u32),
+            });
+            self.blend(request, across);
+        }
+        if rounds {
+            self.last = None;
+        }
+        drop(inside);
+        votes.inside.par_iter_mut().for_each(|sums| {
+            for sum in sums {
+                *sum /= 255;
+            }
+        });
+        frame.votes = votes;
+        if outputs.visibility.is_some() {
+            frame.visibility = Selection::from_words(scene.len(), visible);
+        }
+        self.timings.raster.wall = begin.elapsed();
         Ok(())
     }
 }
@@ -34,6 +282,12 @@ impl Rasterizer for CpuRasterizer {
 /// Everything that can be wrong with a request.
 fn check(scene: &Scene, view: &View, outputs: &Outputs) -> Result<(), RasterError> {
     view.check()?;
+    if u64::from(view.width) * u64::from(view.height) > LARGEST_PICTURE {
+        return Err(RasterError::TooLarge { width: view.width, height: view.height });
+    }
+    if u32::try_from(scene.len()).is_err() {
+        return Err(RasterError::TooMany { found: scene.len() });
+    }
     for instance in &scene.instances {
         if let Some(hidden) = &instance.hidden {
             if hidden.len() != instance.cloud.len() {

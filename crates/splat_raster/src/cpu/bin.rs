@@ -1,0 +1,146 @@
+//! Stage 3: which splats each tile blends, in order.
+
+use std::ops::Range;
+
+use rayon::prelude::*;
+
+use super::shared::Shared;
+use super::sort::{share, workers_for};
+use super::splat::{Cover, Splat, row_of_tiles};
+
+/// Entries of all lists that are kept at once; beyond, the tiles are done in several rounds.
+const LARGEST_ROUND: u64 = 1 << 27;
+
+/// Lists of ids per tile.
+#[derive(Debug, Default)]
+pub(super) struct Bins {
+    /// Per worker and tile: entries, then where the next one goes.
+    counters: Vec<u32>,
+    /// Entries per tile.
+    counts: Vec<u32>,
+    /// Per tile of the round: where its list starts.
+    starts: Vec<u32>,
+    /// Lists of the tiles of the round.
+    ids: Vec<u32>,
+    /// Tiles of the round, those with long lists first.
+    order: Vec<u32>,
+    /// Tiles whose lists are there.
+    pub(super) round: Range<usize>,
+    workers: usize,
+}
+
+/// What is sorted into tiles.
+#[derive(Clone, Copy)]
+pub(super) struct Binning<'a> {
+    /// In order of depth; ids in the low halves.
+    pub(super) sorted: &'a [u64],
+    /// By id.
+    pub(super) splats: &'a [Splat],
+    /// By id.
+    pub(super) covers: &'a [Cover],
+    /// Tiles across and down the picture.
+    pub(super) tiles: (u32, u32),
+}
+
+impl Binning<'_> {
+    /// Calls back with each tile and id of one worker's share of the splats.
+    #[inline(always)]
+    fn each(&self, workers: usize, worker: usize, mut entry: impl FnMut(usize, u32)) {
+        for &key in &self.sorted[share(self.sorted.len(), workers, worker)] {
+            let id = key as u32;
+            let cover = self.covers[id as usize];
+            if cover.is_large() {
+                let splat = &self.splats[id as usize];
+                for y in splat.tiles[2]..=splat.tiles[3] {
+                    let Some((first, last)) = row_of_tiles(splat, y.into()) else { continue };
+                    for x in first..=last {
+                        entry((u32::from(y) * self.tiles.0 + x) as usize, id);
+                    }
+                }
+            } else {
+                cover.each(self.tiles.0, |tile| entry(tile, id));
+            }
+        }
+    }
+}
+
+impl Bins {
+    /// Counts the entries of all tiles and fills the lists of the first round.
+    pub(super) fn start(&mut self, binning: Binning) {
+        let tiles = binning.tiles.0 as usize * binning.tiles.1 as usize;
+        // A row of counters per worker must stay small beside the lists.
+        self.workers = workers_for(binning.sorted.len()).min((1 << 24) / tiles + 1);
+        self.counters.clear();
+        self.counters.resize(self.workers * tiles, 0);
+        let workers = self.workers;
+        self.counters.par_chunks_mut(tiles).enumerate().for_each(|(worker, counters)| {
+            binning.each(workers, worker, |tile, _| counters[tile] += 1);
+        });
+        self.counts.clear();
+        self.counts.resize(tiles, 0);
+        for counters in self.counters.chunks(tiles) {
+            for (sum, count) in self.counts.iter_mut().zip(counters) {
+                *sum += count;
+            }
+        }
+        self.round = 0..0;
+        self.fill(binning);
+    }
+
+    /// Fills the lists of the next round of tiles.
+    pub(super) fn fill(&mut self, binning: Binning) {
+        let tiles = self.counts.len();
+        let first = self.round.end;
+        let mut sum = 0u64;
+        self.starts.clear();
+        let mut end = first;
+        while end < tiles && (end == first || sum + u64::from(self.counts[end]) <= LARGEST_ROUND) {
+            self.starts.push(sum as u32);
+            let mut place = sum as u32;
+            for worker in 0..self.workers {
+                let counter = &mut self.counters[worker * tiles + end];
+                (*counter, place) = (place, place + *counter);
+            }
+            sum += u64::from(self.counts[end]);
+            end += 1;
+        }
+        self.starts.push(sum as u32);
+        self.round = first..end;
+        if self.ids.len() < sum as usize {
+            self.ids.resize(sum as usize, 0);
+        }
+        let (round, workers) = (self.round.clone(), self.workers);
+        let ids = Shared::new(&mut self.ids);
+        self.counters.par_chunks_mut(tiles).enumerate().for_each(|(worker, counters)| {
+            binning.each(workers, worker, |tile, id| {
+                if round.contains(&tile) {
+                    // SAFETY: counters start at prefix sums of what each worker has for each tile, counted by the same
+                    // walk, so that no two entries share a place and all places are below the sum.
+                    unsafe { ids.write(counters[tile] as usize, id) };
+                    counters[tile] += 1;
+                }
+            });
+        });
+        self.order.clear();
+        self.order.extend(first as u32..end as u32);
+        // By powers of two only: within a class, neighbours stay together and share what is in the caches.
+        let counts = &self.counts;
+        self.order.sort_unstable_by_key(|&tile| (counts[tile as usize].leading_zeros(), tile));
+    }
+
+    /// Whether all tiles have had their round.
+    pub(super) fn done(&self) -> bool {
+        self.round.end == self.counts.len()
+    }
+
+    /// Tiles of the round, in the order in which they are best begun.
+    pub(super) fn order(&self) -> &[u32] {
+        &self.order
+    }
+
+    /// Ids of the splats of a tile of the round, in order of depth.
+    pub(super) fn list(&self, tile: usize) -> &[u32] {
+        let k = tile - self.round.start;
+        &self.ids[self.starts[k] as usize..self.starts[k + 1] as usize]
+    }
+}

@@ -1,0 +1,434 @@
+//! Stage 1: Gaussians to splats, with everything culled that no pixel sees.
+
+use glam::{Mat3, Vec3};
+use splat_core::{Cloud, Projection, Selection, View, sh};
+
+use super::simd::{GROUP, Group, Kernel, Simd, exp2_precise, log2};
+use super::splat::{Cover, LEVELS, Splat, TILE};
+use crate::Instance;
+
+/// Variance added to both axes of a splat, in px^2 (INRIA's low-pass).
+const LOW_PASS: f32 = 0.3;
+/// Variance of a splat beyond which both axes are shrunk alike, in px^2, so that products stay finite: a splat of a
+/// thousand million pixels is as flat as one of more.
+const LARGEST_VARIANCE: f32 = 1e18;
+
+/// One instance seen from one view, in the numbers that the kernel needs.
+pub(super) struct Setup<'a> {
+    cloud: &'a Cloud,
+    hidden: Option<&'a Selection>,
+    /// Scene-wide id of the first Gaussian.
+    first_id: u32,
+    /// Rows map the cloud's space to camera space, scale included.
+    rows: [Vec3; 3],
+    /// Where the cloud's origin is in camera space.
+    origin: Vec3,
+    /// Camera centre in the cloud's space.
+    camera: Vec3,
+    /// Viewing direction in the cloud's space where it is the same for all Gaussians.
+    parallel: Option<Vec3>,
+    focal: [f32; 2],
+    center: [f32; 2],
+    /// Least and largest x / z and y / z for which the projection is linearised.
+    limits: [[f32; 2]; 2],
+    size: [f32; 2],
+    near: f32,
+    antialiased: bool,
+    color: bool,
+}
+
+impl<'a> Setup<'a> {
+    pub(super) fn new(instance: &'a Instance, first_id: u32, view: &View, color: bool) -> Self {
+        let transform = &instance.transform;
+        let turn = transform.rotation_matrix().as_dmat3();
+        let view_from_world = view.pose.world_from_view.transpose().as_dmat3();
+        let position = view.pose.position.as_dvec3();
+        let scale = f64::from(transform.scale);
+        let translation = transform.translation.as_dvec3();
+        let view_from_cloud: Mat3 = (view_from_world * turn * scale).as_mat3();
+        let size = [view.width as f32, view.height as f32];
+        let i = &view.intrinsics;
+        let limits = |size: f32, center: f32, focal: f32| {
+            let margin = 0.3 * 0.5 * size / focal;
+            [-(center / focal + margin), (size - center) / focal + margin]
+        };
+        Self {
+            cloud: &instance.cloud,
+            hidden: instance.hidden.as_deref(),
+            first_id,
+            rows: [view_from_cloud.row(0), view_from_cloud.row(1), view_from_cloud.row(2)],
+            origin: (view_from_world * (translation - position)).as_vec3(),
+            camera: (turn.transpose() * (position - translation) / scale).as_vec3(),
+            parallel: (view.projection == Projection::Orthographic)
+                .then(|| (turn.transpose() * view.forward().as_dvec3()).as_vec3()),
+            focal: [i.fx, i.fy],
+            center: [i.cx, i.cy],
+            limits: [limits(size[0], i.cx, i.fx), limits(size[1], i.cy, i.fy)],
+            size,
+            near: view.near,
+            antialiased: instance.cloud.source().antialiased,
+            color,
+        }
+    }
+}
+
+/// What a block of Gaussians became.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Block {
+    /// Scene-wide id of its first Gaussian.
+    pub(super) start: u32,
+    /// Splats that may be seen: so many [`Project::keys`] are valid.
+    pub(super) count: u32,
+    /// Least and largest of the high halves of the keys.
+    pub(super) depths: (u32, u32),
+}
+
+impl Default for Block {
+    fn default() -> Self {
+        Self { start: 0, count: 0, depths: (u32::MAX, 0) }
+    }
+}
+
+/// Projects a block of consecutive Gaussians.
+pub(super) struct Project<'a> {
+    pub(super) setup: &'a Setup<'a>,
+    /// Position in the cloud of the first Gaussian.
+    pub(super) start: usize,
+    /// One per Gaussian of the block; written where it survives.
+    pub(super) splats: &'a mut [Splat],
+    /// As `splats`.
+    pub(super) covers: &'a mut [Cover],
+    /// Written from the front, in order of ids: bits of z in the high half, id in the low half.
+    pub(super) keys: &'a mut [u64],
+}
+
+/// Values of 16 Gaussians.
+#[derive(Default)]
+struct Lanes {
+    mean: [Group<f32>; 3],
+    log_scale: [Group<f32>; 3],
+    rotation: [Group<f32>; 4],
+    logit: Group<f32>,
+    /// Camera-space means.
+    view: [Group<f32>; 3],
+    /// The splat's own numbers, in the order of [`Splat`]'s fields up to `z`.
+    splat: [Group<f32>; 8],
+    /// First and last pixel centre across and down.
+    bounds: [Group<f32>; 4],
+}
+
+impl Kernel for Project<'_> {
+    type Output = Block;
+
+    #[inline(always)]
+    fn run<S: Simd>(self, s: S) -> Block {
+        let Self { setup, start, splats, covers, keys } = self;
+        let cloud = setup.cloud;
+        let (means, log_scales) = (cloud.means(), cloud.log_scales());
+        let (rotations, logits) = (cloud.rotations(), cloud.opacity_logits());
+        let degree = cloud.sh_degree();
+        let coefficients = sh::coefficient_count(degree);
+        let stride = cloud.sh_stride();
+        let mut lanes = Lanes::default();
+        let mut harmonics = [Group([0.0; GROUP]); 25];
+        let mut block = Block { start: setup.first_id + start as u32, ..Block::default() };
+        let end = start + splats.len();
+        let mut at = start;
+        while at < end {
+            let count = GROUP.min(end - at);
+            let mut alive = ((1u32 << count) - 1) & !hidden_bits(setup.hidden, at);
+            for i in 0..count {
+                let m = means[at + i];
+                lanes.mean[0].0[i] = m.x;
+                lanes.mean[1].0[i] = m.y;
+                lanes.mean[2].0[i] = m.z;
+            }
+            alive &= to_view(s, setup, &mut lanes);
+            if alive != 0 {
+                for i in 0..count {
+                    let l = log_scales[at + i];
+                    lanes.log_scale[0].0[i] = l.x;
+                    lanes.log_scale[1].0[i] = l.y;
+                    lanes.log_scale[2].0[i] = l.z;
+                    let q = rotations[at + i];
+                    lanes.rotation[0].0[i] = q.x;
+                    lanes.rotation[1].0[i] = q.y;
+                    lanes.rotation[2].0[i] = q.z;
+                    lanes.rotation[3].0[i] = q.w;
+                    lanes.logit.0[i] = logits[at + i];
+                }
+                alive &= to_pixels(s, setup, &mut lanes);
+                if setup.color && alive != 0 && degree > 0 {
+                    basis(s, setup, degree, &mut lanes, &mut harmonics);
+                }
+            }
+            while alive != 0 {
+                let i = alive.trailing_zeros() as usize;
+                alive &= alive - 1;
+                let Some(tiles) = tile_box(&lanes, i) else { continue };
+                let id = setup.first_id + (at + i) as u32;
+                let f = |k: usize| lanes.splat[k].0[i];
+                let mut color = [0.0; 3];
+                if setup.color {
+                    let sh = &cloud.sh()[(at + i) * stride..][..stride];
+                    color = blend_harmonics(&harmonics, i, sh, coefficients);
+                }
+                let splat = Splat {
+                    mean: [f(0), f(1)],
+                    along: f(2),
+                    shear: f(3),
+                    across: f(4),
+                    lean: f(5),
+                    level: f(6),
+                    z: f(7),
+                    color,
+                    id,
+                    tiles,
+                };
+                let place = at + i - start;
+                splats[place] = splat;
+                covers[place] = Cover::of(s, &splat);
+                let depth = splat.z.to_bits();
+                block.depths = (block.depths.0.min(depth), block.depths.1.max(depth));
+                keys[block.count as usize] = u64::from(depth) << 32 | u64::from(id);
+                block.count += 1;
+            }
+            at += count;
+        }
+        block
+    }
+}
+
+/// Hidden bits of 16 Gaussians from `at` on.
+fn hidden_bits(hidden: Option<&Selection>, at: usize) -> u32 {
+    let Some(hidden) = hidden else { return 0 };
+    // Blocks start at multiples of 16, so a group never straddles two words.
+    (hidden.words()[at / 64] >> (at % 64)) as u32 & 0xffff
+}
+
+/// Means to camera space; which are beyond the near plane.
+#[inline(always)]
+fn to_view<S: Simd>(s: S, setup: &Setup, lanes: &mut Lanes) -> u32 {
+    let mut alive = 0;
+    for part in 0..GROUP / S::LANES {
+        let [x, y, z] = [0, 1, 2].map(|k| s.load(&lanes.mean[k], part));
+        let mut depth = x;
+        for (k, row) in setup.rows.iter().enumerate() {
+            let t = s.fma(s.splat(row.z), z, s.splat(setup.origin[k]));
+            depth = s.fma(s.splat(row.x), x, s.fma(s.splat(row.y), y, t));
+            s.store(&mut lanes.view[k], part, depth);
+        }
+        // NaN fails this.
+        alive |= s.bits(s.gt(depth, s.splat(setup.near))) << (part * S::LANES);
+    }
+    alive
+}
+
+/// Covariance, opacity and bounds in pixels; which may reach a pixel of the picture.
+#[inline(always)]
+fn to_pixels<S: Simd>(s: S, setup: &Setup, lanes: &mut Lanes) -> u32 {
+    let mut alive = 0;
+    let (zero, one) = (s.splat(0.0), s.splat(1.0));
+    let log2_e = s.splat(std::f32::consts::LOG2_E);
+    for part in 0..GROUP / S::LANES {
+        let log_scale = [0, 1, 2].map(|k| s.load(&lanes.log_scale[k], part));
+        let stored = [0, 1, 2, 3].map(|k| s.load(&lanes.rotation[k], part));
+        let logit = s.load(&lanes.logit, part);
+        let [x, y, z] = [0, 1, 2].map(|k| s.load(&lanes.view[k], part));
+
+        // Zero times what is not finite is NaN, and stays so.
+        let mut finite = zero;
+        for v in [log_scale[0], log_scale[1], log_scale[2], stored[0], stored[1], stored[2], stored[3], x, y, z] {
+            finite = s.fma(v, zero, finite);
+        }
+
+        // Where the mean is, and the projection linearised there.
+        let scale = if setup.parallel.is_some() { one } else { s.div(one, z) };
+        let (px, py) = (s.mul(x, scale), s.mul(y, scale));
+        let u = s.fma(s.splat(setup.focal[0]), px, s.splat(setup.center[0]));
+        let v = s.fma(s.splat(setup.focal[1]), py, s.splat(setup.center[1]));
+        let linear = |p, limits: [f32; 2]| {
+            if setup.parallel.is_some() { zero } else { s.min(s.max(p, s.splat(limits[0])), s.splat(limits[1])) }
+        };
+        let (lx, ly) = (linear(px, setup.limits[0]), linear(py, setup.limits[1]));
+        let jacobian = |focal: f32, row: Vec3, l| {
+            let k = s.mul(s.splat(focal), scale);
+            [0, 1, 2].map(|c| s.mul(k, s.fnma(l, s.splat(setup.rows[2][c]), s.splat(row[c]))))
+        };
+        let j0 = jacobian(setup.focal[0], setup.rows[0], lx);
+        let j1 = jacobian(setup.focal[1], setup.rows[1], ly);
+
+        // Both rows of the Jacobian in the Gaussian's own axes, times its scales: the covariance is their products.
+        let axes = rotation_columns(s, stored);
+        let dot = |a: [S::F; 3], b: [S::F; 3]| s.fma(a[0], b[0], s.fma(a[1], b[1], s.mul(a[2], b[2])));
+        let mut p = [zero; 3];
+        let mut q = [zero; 3];
+        for k in 0..3 {
+            let sigma = exp2_precise(s, s.min(s.mul(log_scale[k], log2_e), s.splat(40.0)));
+            p[k] = s.mul(sigma, dot(axes[k], j0));
+            q[k] = s.mul(sigma, dot(axes[k], j1));
+        }
+        let shrink = s.sqrt(s.min(one, s.div(s.splat(LARGEST_VARIANCE), s.max(s.max(dot(p, p), dot(q, q)), one))));
+        p = p.map(|v| s.mul(v, shrink));
+        q = q.map(|v| s.mul(v, shrink));
+        let (a0, b, c0) = (dot(p, p), dot(p, q), dot(q, q));
+        // Lagrange's identity: a c - b^2 without the cancellation.
+        let cross = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| s.fnma(p[j], q[i], s.mul(p[i], q[j])));
+        let det0 = dot(cross, cross);
+        let low_pass = s.splat(LOW_PASS);
+        let (a, c) = (s.add(a0, low_pass), s.add(c0, low_pass));
+        let det = s.add(s.fma(low_pass, s.add(a0, c0), s.splat(LOW_PASS * LOW_PASS)), det0);
+
+        // log2 of the opacity, compensated for the low-pass where the file was trained so.
+        let odds = exp2_precise(s, s.min(s.mul(s.sub(zero, logit), log2_e), s.splat(127.0)));
+        let mut level = s.sub(zero, log2(s, s.add(one, odds)));
+        if setup.antialiased {
+            level = s.fma(s.splat(0.5), log2(s, s.max(s.div(det0, det), s.splat(1e-30))), level);
+        }
+        let reach = s.add(level, s.splat(LEVELS));
+
+        // The box of the ellipse on which alpha is 1/255, a hundredth of a pixel larger, as pixel centres.
+        let k = s.mul(reach, s.splat(2.0 * std::f32::consts::LN_2));
+        let bounds = |mean, variance, size: f32| {
+            let half = s.add(s.sqrt(s.max(s.mul(k, variance), zero)), s.splat(0.01));
+            let center = s.sub(mean, s.splat(0.5));
+            (s.max(s.sub(center, half), zero), s.min(s.add(center, half), s.splat(size - 1.0)))
+        };
+        let (x0, x1) = bounds(u, a, setup.size[0]);
+        let (y0, y1) = bounds(v, c, setup.size[1]);
+
+        let mut keep = s.and(s.ge(finite, zero), s.ge(reach, zero));
+        keep = s.and(keep, s.and(s.ge(logit, logit), s.gt(det, zero)));
+        keep = s.and(keep, s.and(s.ge(x1, x0), s.ge(y1, y0)));
+        alive |= s.bits(keep) << (part * S::LANES);
+
+        let half_log2_e = s.splat(0.5 * std::f32::consts::LOG2_E);
+        let along = s.sqrt(s.mul(half_log2_e, s.div(c, det)));
+        let across = s.sqrt(s.div(half_log2_e, c));
+        let numbers = [u, v, along, s.div(b, c), across, s.div(b, a), level, z];
+        for (k, number) in numbers.into_iter().enumerate() {
+            s.store(&mut lanes.splat[k], part, number);
+        }
+        for (k, bound) in [x0, x1, y0, y1].into_iter().enumerate() {
+            s.store(&mut lanes.bounds[k], part, bound);
+        }
+    }
+    alive
+}
+
+/// Columns of the rotation matrices of quaternions of any length; the identity where one has no direction.
+#[inline(always)]
+fn rotation_columns<S: Simd>(s: S, q: [S::F; 4]) -> [[S::F; 3]; 3] {
+    let one = s.splat(1.0);
+    let square = s.fma(q[0], q[0], s.fma(q[1], q[1], s.fma(q[2], q[2], s.mul(q[3], q[3]))));
+    let directed = s.and(s.gt(square, s.splat(1e-24)), s.ge(s.splat(f32::MAX), square));
+    let unit = s.div(one, s.sqrt(square));
+    let [x, y, z] = [0, 1, 2].map(|k| s.zero_unless(directed, s.mul(q[k], unit)));
+    let w = s.select(directed, s.mul(q[3], unit), one);
+    let double = |v| s.add(v, v);
+    let (x2, y2, z2) = (double(x), double(y), double(z));
+    let (xx, yy, zz) = (s.mul(x, x2), s.mul(y, y2), s.mul(z, z2));
+    let (xy, xz, yz) = (s.mul(x, y2), s.mul(x, z2), s.mul(y, z2));
+    let (wx, wy, wz) = (s.mul(w, x2), s.mul(w, y2), s.mul(w, z2));
+    [
+        [s.sub(one, s.add(yy, zz)), s.add(xy, wz), s.sub(xz, wy)],
+        [s.sub(xy, wz), s.sub(one, s.add(xx, zz)), s.add(yz, wx)],
+        [s.add(xz, wy), s.sub(yz, wx), s.sub(one, s.add(xx, yy))],
+    ]
+}
+
+/// First and last tile across and down of lane `i`; none where its box holds no pixel centre.
+#[inline(always)]
+fn tile_box(lanes: &Lanes, i: usize) -> Option<[u16; 4]> {
+    let [x0, x1, y0, y1] = [0, 1, 2, 3].map(|k| lanes.bounds[k].0[i]);
+    let up = |x: f32| x as u32 + u32::from((x as u32 as f32) < x);
+    let (x0, x1, y0, y1) = (up(x0), x1 as u32, up(y0), y1 as u32);
+    let tile = |x: u32| (x / TILE as u32) as u16;
+    (x0 <= x1 && y0 <= y1).then_some([tile(x0), tile(x1), tile(y0), tile(y1)])
+}
+
+/// Values of all harmonics above the constant one towards 16 Gaussians.
+#[inline(always)]
+fn basis<S: Simd>(s: S, setup: &Setup, degree: u8, lanes: &mut Lanes, to: &mut [Group<f32>; 25]) {
+    for part in 0..GROUP / S::LANES {
+        let d = [0, 1, 2].map(|k| match setup.parallel {
+            Some(direction) => s.splat(direction[k]),
+            None => s.sub(s.load(&lanes.mean[k], part), s.splat(setup.camera[k])),
+        });
+        let square = s.fma(d[0], d[0], s.fma(d[1], d[1], s.mul(d[2], d[2])));
+        let unit = s.div(s.splat(1.0), s.sqrt(s.max(square, s.splat(1e-30))));
+        let [x, y, z] = d.map(|v| s.mul(v, unit));
+        let k = |c: f32, v| s.mul(s.splat(c), v);
+        let mut put = |i: usize, v| s.store(&mut to[i], part, v);
+        put(1, k(-0.488_602_52, y));
+        put(2, k(0.488_602_52, z));
+        put(3, k(-0.488_602_52, x));
+        if degree < 2 {
+            continue;
+        }
+        let (x2, y2, z2) = (s.mul(x, x), s.mul(y, y), s.mul(z, z));
+        let (xy, yz, xz) = (s.mul(x, y), s.mul(y, z), s.mul(x, z));
+        let x2_y2 = s.sub(x2, y2);
+        let line = |a: f32, v, b: f32| s.fma(s.splat(a), v, s.splat(b));
+        put(4, k(1.092_548_5, xy));
+        put(5, k(-1.092_548_5, yz));
+        // On the unit sphere 2z2 - x2 - y2 = 3z2 - 1, and so on below.
+        put(6, k(0.315_391_57, line(3.0, z2, -1.0)));
+        put(7, k(-1.092_548_5, xz));
+        put(8, k(0.546_274_24, x2_y2));
+        if degree < 3 {
+            continue;
+        }
+        let three_x2_y2 = s.fma(s.splat(3.0), x2, s.sub(s.splat(0.0), y2));
+        let x2_three_y2 = s.fnma(s.splat(3.0), y2, x2);
+        let five = line(5.0, z2, -1.0);
+        put(9, s.mul(k(-0.590_043_6, y), three_x2_y2));
+        put(10, s.mul(k(2.890_611_4, xy), z));
+        put(11, s.mul(k(-0.457_045_8, y), five));
+        put(12, s.mul(k(0.373_176_34, z), line(5.0, z2, -3.0)));
+        put(13, s.mul(k(-0.457_045_8, x), five));
+        put(14, s.mul(k(1.445_305_7, z), x2_y2));
+        put(15, s.mul(k(-0.590_043_6, x), x2_three_y2));
+        if degree < 4 {
+            continue;
+        }
+        let seven = line(7.0, z2, -1.0);
+        let seven_three = line(7.0, z2, -3.0);
+        put(16, s.mul(k(2.503_343, xy), x2_y2));
+        put(17, s.mul(k(-1.770_130_8, yz), three_x2_y2));
+        put(18, s.mul(k(0.946_174_7, xy), seven));
+        put(19, s.mul(k(-0.669_046_54, yz), seven_three));
+        put(20, k(0.105_785_55, s.fma(z2, line(35.0, z2, -30.0), s.splat(3.0))));
+        put(21, s.mul(k(-0.669_046_54, xz), seven_three));
+        put(22, s.mul(k(0.473_087_35, x2_y2), seven));
+        put(23, s.mul(k(-1.770_130_8, xz), x2_three_y2));
+        let fours = s.fma(x2, x2_three_y2, s.mul(s.sub(s.splat(0.0), y2), three_x2_y2));
+        put(24, k(0.625_835_74, fours));
+    }
+}
+
+/// `max(0, 0.5 + sum_k c_k Y_k)` per channel for lane `i`.
+#[inline(always)]
+fn blend_harmonics(harmonics: &[Group<f32>; 25], i: usize, sh: &[f32], coefficients: usize) -> [f32; 3] {
+    let mut sum = [[0.5 + sh::C0 * sh[0], 0.5 + sh::C0 * sh[1], 0.5 + sh::C0 * sh[2], 0.0], [0.0; 4]];
+    // Four floats are one load; the fourth belongs to the next coefficient and is not used.
+    for k in 1..coefficients - 1 {
+        let y = harmonics[k].0[i];
+        let row = &sh[3 * k..3 * k + 4];
+        for c in 0..4 {
+            sum[k & 1][c] += y * row[c];
+        }
+    }
+    if coefficients > 1 {
+        let k = coefficients - 1;
+        let y = harmonics[k].0[i];
+        for c in 0..3 {
+            sum[k & 1][c] += y * sh[3 * k + c];
+        }
+    }
+    // Written so that NaN becomes 0; an infinity would spoil pixels that the splat has weight 0 in.
+    [0, 1, 2].map(|c| {
+        let v = sum[0][c] + sum[1][c];
+        if v > 0.0 { v.min(f32::MAX) } else { 0.0 }
+    })
+}

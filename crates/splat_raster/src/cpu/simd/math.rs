@@ -1,0 +1,55 @@
+//! Functions over lanes: powers of two, logarithms.
+
+use super::Simd;
+
+/// 2^x for x in -126..=127, relative error below 3e-6 (minimax polynomial of degree 4 on -0.5..=0.5).
+///
+/// Below -126 the result is 2^-126; above 127 it is not defined.
+#[inline(always)]
+pub(in crate::cpu) fn exp2<S: Simd>(s: S, x: S::F) -> S::F {
+    let (scale, f) = split(s, x);
+    let p = s.fma(f, s.splat(0.009_570_068_8), s.splat(0.055_917_808));
+    let p = s.fma(f, p, s.splat(0.240_247_45));
+    let p = s.fma(f, p, s.splat(0.693_121_8));
+    let p = s.fma(f, p, s.splat(0.999_999_26));
+    s.as_float(s.add_i(s.as_int(p), scale))
+}
+
+/// 2^x for x in -126..=127, relative error below 2e-7 (Taylor polynomial of degree 7 on -0.5..=0.5).
+#[inline(always)]
+pub(in crate::cpu) fn exp2_precise<S: Simd>(s: S, x: S::F) -> S::F {
+    let (scale, f) = split(s, x);
+    let p = s.fma(f, s.splat(1.525_273_4e-5), s.splat(1.540_353e-4));
+    let p = s.fma(f, p, s.splat(1.333_355_8e-3));
+    let p = s.fma(f, p, s.splat(9.618_129e-3));
+    let p = s.fma(f, p, s.splat(5.550_411e-2));
+    let p = s.fma(f, p, s.splat(0.240_226_51));
+    let p = s.fma(f, p, s.splat(std::f32::consts::LN_2));
+    let p = s.fma(f, p, s.splat(1.0));
+    s.as_float(s.add_i(s.as_int(p), scale))
+}
+
+/// The nearest integer, shifted to where exponents are, and what is left.
+#[inline(always)]
+fn split<S: Simd>(s: S, x: S::F) -> (S::I, S::F) {
+    // 1.5 * 2^23: adding it leaves the nearest integer in the low bits, and only those survive the shift.
+    let magic = s.splat(12_582_912.0);
+    let shifted = s.add(s.max(x, s.splat(-126.0)), magic);
+    let f = s.sub(s.max(x, s.splat(-126.0)), s.sub(shifted, magic));
+    (s.shift_left_23(s.as_int(shifted)), f)
+}
+
+/// log2(x) for normal x > 0, absolute error below 3e-7; not defined for others.
+#[inline(always)]
+pub(in crate::cpu) fn log2<S: Simd>(s: S, x: S::F) -> S::F {
+    // x = m * 2^n with m in sqrt(1/2)..sqrt(2); log2(m) = 2 / ln 2 * atanh((m - 1) / (m + 1)).
+    let bits = s.as_int(x);
+    let n = s.shift_right_23(s.sub_i(bits, s.splat_i(0x3f35_04f3)));
+    let m = s.as_float(s.sub_i(bits, s.shift_left_23(n)));
+    let r = s.div(s.sub(m, s.splat(1.0)), s.add(m, s.splat(1.0)));
+    let r2 = s.mul(r, r);
+    let p = s.fma(r2, s.splat(0.412_198_57), s.splat(0.577_078));
+    let p = s.fma(r2, p, s.splat(0.961_796_7));
+    let p = s.fma(r2, p, s.splat(2.885_39));
+    s.fma(r, p, s.to_float(n))
+}
