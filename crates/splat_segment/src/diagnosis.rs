@@ -181,7 +181,8 @@ pub fn next_click(
 ) -> Result<Option<NextClick>, SegmentError> {
     let picture = raster.features(scene, view, Features { channels: 1, values: uncertainty })?;
     let largest = picture.iter().copied().fold(0.0, f32::max);
-    if !(largest > 0.02) {
+    // The fold above passes over NaN.
+    if largest <= 0.02 {
         return Ok(None);
     }
     let width = view.width as usize;

@@ -211,13 +211,13 @@ pub struct GuardSettings {
     pub outline_share: f32,
     /// Masks looked at, evenly spaced; 8 by default.
     pub masks: usize,
-    /// Largest difference of a colour channel for "goes on"; 0.08 by default.
+    /// Largest difference of a colour channel for "goes on"; 0.15 by default.
     pub color_step: f32,
 }
 
 impl Default for GuardSettings {
     fn default() -> Self {
-        Self { wanted_share: 0.01, outline_share: 0.1, masks: 8, color_step: 0.08 }
+        Self { wanted_share: 0.01, outline_share: 0.1, masks: 8, color_step: 0.15 }
     }
 }
 

@@ -254,7 +254,7 @@ impl RowSums {
     fn count(&self, y: usize, x0: f32, x1: f32) -> u32 {
         let from = x0.max(0.0);
         let to = (x1 + 1.0).min(self.width as f32);
-        if !(to > from) {
+        if to <= from {
             return 0;
         }
         let row = &self.sums[y * (self.width + 1)..];
@@ -274,7 +274,7 @@ impl RowSums {
         }
         let top = (p.center.y - half_height - 0.5).ceil().max(0.0);
         let bottom = (p.center.y + half_height - 0.5).floor().min(self.height as f32 - 1.0);
-        if !(bottom >= top) {
+        if bottom < top {
             return false;
         }
         (top as usize..=bottom as usize).any(|y| {
@@ -282,7 +282,7 @@ impl RowSums {
             let dy = y as f32 + 0.5 - p.center.y;
             let mean = p.center.x + b / c * dy;
             let variance = (a - b * b / c) * (sigmas * sigmas - dy * dy / c);
-            if !(variance >= 0.0) {
+            if variance < 0.0 {
                 return false;
             }
             let half = variance.sqrt();

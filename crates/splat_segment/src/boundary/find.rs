@@ -144,7 +144,14 @@ pub fn straddlers(
         // Wholly inside and selected, or wholly outside and not: nothing to look at.
         let settled = if selection.contains(i) { share >= 0.999 } else { share <= 0.05 };
         let cut = if settled { None } else { cut(cloud, i, selection.contains(i), &probes, settings) };
-        (mixed || contested || cut.is_some()).then_some(Straddler { id: i as u32, share, spread, mixed, contested, cut })
+        (mixed || contested || cut.is_some()).then_some(Straddler {
+            id: i as u32,
+            share,
+            spread,
+            mixed,
+            contested,
+            cut,
+        })
     });
     Ok(found.collect())
 }

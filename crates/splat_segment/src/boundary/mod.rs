@@ -137,7 +137,8 @@ pub fn extract_with(
         while next < cuts.len() && cuts[next].0 < id {
             next += 1;
         }
-        let cut = (next < cuts.len() && cuts[next].0 == id && !pieces[next].is_empty()).then(|| (&cuts[next].1, &pieces[next]));
+        let cut = (next < cuts.len() && cuts[next].0 == id && !pieces[next].is_empty())
+            .then(|| (&cuts[next].1, &pieces[next]));
         let Some((cut, pieces)) = cut else {
             if selected { &mut object } else { &mut rest }.from.push(id);
             continue;

@@ -127,12 +127,13 @@ fn encloses(scene: &Scene, eye: Vec3, center: Vec3) -> bool {
         (0..cloud.len()).into_par_iter().any(|i| {
             let d = local - cloud.means()[i];
             let largest = cloud.log_scales()[i].max_element().exp();
-            // Written so that NaN fails.
-            if !(d.length() < 2.0 * largest && largest < 0.5 * way) || !cloud.drawable(i) || cloud.opacity(i) < 0.3 {
-                return false;
-            }
-            let hidden = instance.hidden.as_ref().is_some_and(|h| h.contains(i));
-            !hidden && ((cloud.rotation(i).inverse() * d) / cloud.scale(i)).length() < 2.0
+            // Cheap tests first: this runs over all Gaussians.
+            d.length() < 2.0 * largest
+                && largest < 0.5 * way
+                && cloud.drawable(i)
+                && cloud.opacity(i) >= 0.3
+                && !instance.hidden.as_ref().is_some_and(|h| h.contains(i))
+                && ((cloud.rotation(i).inverse() * d) / cloud.scale(i)).length() < 2.0
         })
     })
 }

@@ -68,8 +68,16 @@ impl Slabs {
 
     fn extract(&self, boundary: Boundary) -> Extraction {
         let settings = StraddleSettings::default();
-        extract(&mut Reference::default(), &self.room.cloud, &self.selection, &self.masked(), boundary, &settings, &Run::new())
-            .unwrap()
+        extract(
+            &mut Reference::default(),
+            &self.room.cloud,
+            &self.selection,
+            &self.masked(),
+            boundary,
+            &settings,
+            &Run::new(),
+        )
+        .unwrap()
     }
 
     fn halo(&self, e: &Extraction) -> Halo {
@@ -185,8 +193,8 @@ fn silhouettes_of_the_selection_serve_where_there_are_no_masks() {
         assert!(same as f64 > 0.93 * a.values().len() as f64);
     }
     let masked: Vec<MaskedView<'_>> = s.views.iter().zip(&own).map(|(v, m)| MaskedView::new(v, m)).collect();
-    let e =
-        extract(&mut r, &s.room.cloud, &s.selection, &masked, Boundary::SPLIT, &Default::default(), &Run::new()).unwrap();
+    let e = extract(&mut r, &s.room.cloud, &s.selection, &masked, Boundary::SPLIT, &Default::default(), &Run::new())
+        .unwrap();
     assert!(e.report.cut_selected > 0);
     assert!(s.halo(&e).opacity < s.halo(&s.extract(Boundary::Keep)).opacity);
 }

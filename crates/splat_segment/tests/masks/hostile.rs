@@ -38,7 +38,8 @@ fn whole_road(room: &Room, view: View, mask: &Mask2d) {
     }
     let masked = [MaskedView::new(&view, mask)];
     for boundary in [Boundary::Keep, Boundary::SPLIT, Boundary::Trim] {
-        let e = extract(&mut r, &room.cloud, &got.selection, &masked, boundary, &Default::default(), &Run::new()).unwrap();
+        let e =
+            extract(&mut r, &room.cloud, &got.selection, &masked, boundary, &Default::default(), &Run::new()).unwrap();
         assert!(e.object.len() + e.rest.len() >= n);
     }
 }

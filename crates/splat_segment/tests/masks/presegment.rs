@@ -1,6 +1,8 @@
 use splat_core::glam::Vec3;
 use splat_core::{Mask2d, Pose, View};
+use splat_raster::{Rasterizer, Scene};
 use splat_segment::aggregations::MaskedView;
+use splat_segment::boundary::silhouettes;
 use splat_segment::presegment::{GuardSettings, PresegmentSettings, Region, Verdict, guard, presegment};
 use splat_segment::trackers::TRACKERS;
 use splat_segment::{Occlusion, Presegmentation, Run, SegmentSettings, Segmentation};
@@ -107,28 +109,59 @@ fn the_guard_gives_up_when_masks_want_what_was_excluded() {
     assert!(wanted.to_string().contains("given up"), "{wanted}");
 }
 
+/// The ball from where the box hides part of it, in an annotation that calls itself unoccluded all the same.
+fn half_hidden(room: &room::Room, r: &mut Reference) -> (View, Mask2d) {
+    let view = room::camera(0.17, 0.9, 3.4, room::SIZE);
+    let seen = room.mask(r, &view, BALL);
+    let object = room.object(BALL);
+    let scene = Scene::of_selected(room.cloud.clone(), &object);
+    let whole = &silhouettes(r, &scene, &object, &[view], &Run::new()).unwrap()[0];
+    assert!(seen.count() * 4 < whole.count() * 3 && seen.count() > 40, "{} {}", seen.count(), whole.count());
+    (view, seen)
+}
+
 #[test]
 fn the_guard_sees_that_the_object_goes_on_where_it_was_cut() {
     let room = room();
     let mut r = Reference::default();
-    let view = cameras(4)[0];
-    let ball = room.mask(&mut r, &view, BALL);
-    // The annotation has only the left half of the ball, and calls itself complete.
-    let middle = (0..80).filter(|&x| (0..60).any(|y| ball.contains(x, y))).sum::<u32>()
-        / (0..80).filter(|&x| (0..60).any(|y| ball.contains(x, y))).count() as u32;
-    let half = Mask2d::from_fn(80, 60, |x, y| x < middle && ball.contains(x, y));
-    // Only the outline is to decide.
-    let settings = GuardSettings { wanted_share: 1.0, ..GuardSettings::default() };
-    let presegmentation = Presegmentation::On(PresegmentSettings::default(), settings);
-    let mut s =
-        Segmentation::new(room.scene.clone(), SegmentSettings { presegmentation, ..SegmentSettings::default() });
-    s.set_views(cameras(8));
-    s.annotate(view, half, Occlusion::Unoccluded).unwrap();
-    let report = s.track(TRACKERS[0], &mut r, &Run::new()).unwrap().unwrap();
+    let (view, seen) = half_hidden(&room, &mut r);
+    let p = presegment(&room.scene, &[(&view, &seen)], &PresegmentSettings::default()).unwrap();
+    // Masks that follow what was kept exactly.
+    let views = cameras(6);
+    let mut check = |masks: Vec<Mask2d>| {
+        let masks: Vec<MaskedView<'_>> = views.iter().zip(&masks).map(|(v, m)| MaskedView::new(v, m)).collect();
+        // Only the outline is to decide.
+        let settings = GuardSettings { wanted_share: 1.0, ..GuardSettings::default() };
+        guard(&mut Reference::default(), &room.scene, &p, &masks, 0.5, &settings, &Run::new()).unwrap()
+    };
+    let kept = views.iter().map(|v| {
+        let hits = r.first_hits(&room.scene, v, 0.5).unwrap();
+        let inside = |k: usize| {
+            hits.get(k).is_some_and(|&id| {
+                id != splat_raster::Frame::NO_ID && room.labels[id as usize] == BALL && p.kept.contains(id as usize)
+            })
+        };
+        Mask2d::from_fn(80, 60, |x, y| inside((y * 80 + x) as usize))
+    });
+    let report = check(kept.collect());
     assert_eq!(report.verdict, Verdict::CutOff, "{report:?}");
+    assert!(report.to_string().contains("given up"), "{report}");
+}
+
+#[test]
+fn tracking_gives_up_a_pre_segmentation_that_lost_a_hidden_part() {
+    let room = room();
+    let mut r = Reference::default();
+    let (view, seen) = half_hidden(&room, &mut r);
+    let mut s = Segmentation::new(room.scene.clone(), SegmentSettings::default());
+    s.set_views(cameras(8));
+    s.annotate(view, seen, Occlusion::Unoccluded).unwrap();
+    assert!(s.presegment().unwrap().is_some());
+    let report = s.track(TRACKERS[0], &mut r, &Run::new()).unwrap().unwrap();
+    assert_ne!(report.verdict, Verdict::Keep, "{report}");
     assert!(s.presegment().unwrap().is_none(), "given up");
     assert_eq!(s.guard_report(), Some(&report));
-    // A new annotation asks anew; switching it off never asks.
+    // Switched off, there is nothing to guard.
     s.set_presegmentation(Presegmentation::Off);
     assert_eq!(s.track(TRACKERS[0], &mut r, &Run::new()).unwrap(), None);
 }

@@ -14,9 +14,9 @@ fn the_frustum_holds_exactly_the_means_whose_pixel_is_in_the_mask() {
     let got = lift(&mut Reference::default(), &room.scene, &view, &mask, Lift::Frustum(Footprint::Center)).unwrap();
     assert!(got.count() > 100);
     for i in 0..room.cloud.len() {
-        let slow = view.project(room.cloud.means()[i]).is_some_and(|(p, _)| {
-            p.x >= 0.0 && p.y >= 0.0 && mask.contains(p.x.floor() as u32, p.y.floor() as u32)
-        });
+        let slow = view
+            .project(room.cloud.means()[i])
+            .is_some_and(|(p, _)| p.x >= 0.0 && p.y >= 0.0 && mask.contains(p.x.floor() as u32, p.y.floor() as u32));
         assert_eq!(got.contains(i), slow, "Gaussian {i}");
     }
 }

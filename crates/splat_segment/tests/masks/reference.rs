@@ -68,8 +68,7 @@ impl Rasterizer for Reference {
                     continue;
                 }
                 let (mean, cov) = splat_segment::project::placed(instance, i);
-                let Some(mut s) =
-                    splat(offset + i, view, mean.as_dvec3(), dmat(cov), f64::from(cloud.opacity(i)))
+                let Some(mut s) = splat(offset + i, view, mean.as_dvec3(), dmat(cov), f64::from(cloud.opacity(i)))
                 else {
                     continue;
                 };

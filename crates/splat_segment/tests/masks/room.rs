@@ -85,7 +85,10 @@ pub(crate) fn room() -> Room {
     for side in 0..5 {
         let turn = match side {
             0 => Quat::IDENTITY,
-            s => Quat::from_rotation_y(std::f32::consts::FRAC_PI_2 * s as f32) * Quat::from_rotation_x(std::f32::consts::FRAC_PI_2),
+            s => {
+                Quat::from_rotation_y(std::f32::consts::FRAC_PI_2 * s as f32)
+                    * Quat::from_rotation_x(std::f32::consts::FRAC_PI_2)
+            }
         };
         for i in 0..11 {
             for k in 0..11 {
@@ -99,7 +102,14 @@ pub(crate) fn room() -> Room {
     for k in 0..40 {
         let angle = 2.4 * k as f32;
         let mean = Vec3::new(0.5 + 0.05 * angle.cos(), -0.05 - 0.03 * k as f32, -1.2 + 0.05 * angle.sin());
-        b.add(POST, mean, Vec3::new(0.04, 0.04, 0.04), Quat::IDENTITY, 0.95, Vec3::new(0.8, 0.75, 0.3) + jitter(&mut seed));
+        b.add(
+            POST,
+            mean,
+            Vec3::new(0.04, 0.04, 0.04),
+            Quat::IDENTITY,
+            0.95,
+            Vec3::new(0.8, 0.75, 0.3) + jitter(&mut seed),
+        );
     }
     b.build()
 }

@@ -1,9 +1,7 @@
 use splat_core::{Mask2d, View};
 use splat_segment::aggregations::AGGREGATIONS;
 use splat_segment::trackers::TrackedFrame;
-use splat_segment::{
-    AnnotationId, Occlusion, Presegmentation, Run, SegmentError, SegmentSettings, Segmentation,
-};
+use splat_segment::{AnnotationId, Occlusion, Presegmentation, Run, SegmentError, SegmentSettings, Segmentation};
 
 use crate::reference::Reference;
 use crate::room::{self, BALL, Room, Seed, cameras, room};

@@ -18,8 +18,7 @@ fn evenly_spaced_views_include_first_and_last() {
     assert_eq!(evenly_spaced(5, 0), [0; 0]);
     for (n, m) in [(100, 7), (36, 35), (9, 8)] {
         let got = evenly_spaced(n, m);
-        let slow: Vec<usize> =
-            (0..m).map(|j| (j as f64 * (n - 1) as f64 / (m - 1) as f64).round() as usize).collect();
+        let slow: Vec<usize> = (0..m).map(|j| (j as f64 * (n - 1) as f64 / (m - 1) as f64).round() as usize).collect();
         assert_eq!(got, slow);
         assert!(got.windows(2).all(|w| w[0] < w[1]));
     }
@@ -101,14 +100,8 @@ fn a_mask_over_nothing_makes_no_turnaround() {
     let room = room();
     let view = cameras(1)[0];
     let empty = Mask2d::empty(80, 60);
-    let got = turnaround(
-        &mut Reference::default(),
-        &room.scene,
-        &view,
-        &empty,
-        &TurnaroundSettings::default(),
-        &Run::new(),
-    );
+    let got =
+        turnaround(&mut Reference::default(), &room.scene, &view, &empty, &TurnaroundSettings::default(), &Run::new());
     assert_eq!(got, Err(SegmentError::NothingUnderMask));
 }
 
