@@ -2,6 +2,7 @@
 
 pub mod compressed_ply;
 mod flip;
+pub mod gltf;
 mod half;
 pub mod ksplat;
 mod limit;
@@ -19,6 +20,7 @@ use crate::format::Format;
 pub static FORMATS: &[&dyn Format] = &[
     &ply::Ply,
     &compressed_ply::CompressedPly,
+    &gltf::Gltf,
     &spz::Spz,
     &sog::Sog,
     &ksplat::Ksplat,
