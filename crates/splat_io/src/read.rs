@@ -75,11 +75,7 @@ pub fn sniff(bytes: &[u8], name: &SourceName) -> Result<&'static dyn Format, Rea
     let candidates: Vec<&'static dyn Format> =
         FORMATS.iter().copied().filter(|f| f.sniff(head, bytes.len() as u64)).collect();
     let by_name = candidates.iter().find(|f| extension_length(**f, name.as_str()) > 0);
-    by_name.or(candidates.first()).copied().ok_or_else(|| ReadError::UnknownFormat {
-        known: FORMATS.iter().map(|f| f.name()).collect::<Vec<_>>().join(", "),
-        head: printable(&bytes[..bytes.len().min(16)]),
-        path: name.clone(),
-    })
+    by_name.or(candidates.first()).copied().ok_or_else(|| not_splats(bytes, name))
 }
 
 /// Length of the longest extension of `format` that `name` ends with (`.compressed.ply` beats `.ply`), 0 if none.
@@ -87,6 +83,31 @@ pub(crate) fn extension_length(format: &dyn Format, name: &str) -> usize {
     let name = name.to_ascii_lowercase();
     let ends = |e: &&&str| name.strip_suffix(**e).is_some_and(|rest| rest.ends_with('.'));
     format.extensions().iter().filter(ends).map(|e| e.len()).max().unwrap_or(0)
+}
+
+/// The error for bytes of no known format; what commonly takes the place of a download is named.
+fn not_splats(bytes: &[u8], name: &SourceName) -> ReadError {
+    let text = bytes.trim_ascii_start();
+    let known: [(&[u8], &str, &str); 3] = [
+        (b"version https://git-lfs", "a pointer of Git LFS", "fetch the file itself with `git lfs pull`"),
+        (b"<!DOCTYPE", "a web page", "download the file itself"),
+        (b"<html", "a web page", "download the file itself"),
+    ];
+    for (start, found, advice) in known {
+        if text.get(..start.len()).is_some_and(|t| t.eq_ignore_ascii_case(start)) {
+            return ReadError::Other {
+                found: found.to_owned(),
+                expected: "Gaussian splats".to_owned(),
+                advice: advice.to_owned(),
+                path: name.clone(),
+            };
+        }
+    }
+    ReadError::UnknownFormat {
+        known: FORMATS.iter().map(|f| f.name()).collect::<Vec<_>>().join(", "),
+        head: printable(&bytes[..bytes.len().min(16)]),
+        path: name.clone(),
+    }
 }
 
 fn printable(bytes: &[u8]) -> String {

@@ -106,6 +106,11 @@ fn missing_empty_and_foreign_files_are_one_sentence_each() {
     std::fs::write(&foreign, b"these are notes, not splats, and their length is no multiple").unwrap();
     let text = read(&foreign).unwrap_err().to_string();
     assert!(text.contains("these are notes") && text.contains("ply"), "{text}");
+    // What a browser or git leaves in place of a download.
+    std::fs::write(&foreign, b"version https://git-lfs.github.com/spec/v1\noid sha256:00\nsize 9\n").unwrap();
+    assert!(read(&foreign).unwrap_err().to_string().contains("git lfs pull"));
+    std::fs::write(&foreign, b"\n<!doctype html><title>Not found</title>").unwrap();
+    assert!(read(&foreign).unwrap_err().to_string().contains("a web page"));
 }
 
 #[test]
