@@ -19,6 +19,7 @@ mod cloud;
 pub mod color;
 mod mask;
 mod neighbours;
+pub mod orient;
 mod selection;
 pub mod sh;
 mod transform;
