@@ -379,7 +379,8 @@ fn quantisation(format: &str) -> Bounds {
             position: 2e-4,
             sigma: 0.01,
             log_sigma: 0.05,
-            rotation: [0.6, 0.5],
+            // Three bytes for the smaller components: 2 * 2 * sqrt(3) * 0.5 / 127.5 / sqrt(2) at worst.
+            rotation: [1.1, 0.8],
             alpha: byte,
             rgb: (0.02, Some(0.05)),
             sh: Some([1.2, 0.3]),
