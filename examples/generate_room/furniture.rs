@@ -31,7 +31,7 @@ pub(crate) fn all(b: &mut Builder) {
 
 fn rug(b: &mut Builder) {
     let (hx, hz) = (0.98, 0.72);
-    b.object(label("rug"), v(-0.55, 0.006, 0.62), turn(1, 7.0)).detail(0.0110, 0.022);
+    b.object(label("rug"), v(-0.55, 0.006, 0.62), turn(1, 7.0)).detail(0.0107, 0.022);
     b.add(Shape::Block(v(hx, 0.007, hz), 0.004), Material::Rug(hx, hz), DVec3::ZERO);
     b.detail(0.012, 0.02);
     let yarn = Material::Plain(rgb(214, 200, 172));

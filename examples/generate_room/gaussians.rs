@@ -95,8 +95,8 @@ fn of_solid(field: &Field, cameras: &[Camera], index: usize, seed: u64) -> Vec<D
         });
         if seen {
             coat.push(place);
-        } else if matches!(solid.material, Material::Paint(_)) {
-            // Behind curtains and furniture a wall is dim but whole: training sees glimpses of it.
+        } else if matches!(solid.material, Material::Paint(_)) && behind_cloth(field, place.at) {
+            // Behind curtains a wall is dim but whole: training sees glimpses of it.
             let dim = unseen(solid, &place, &mut rng);
             let light = look_at(solid, place.at, place.normal).albedo * rng.range(0.28, 0.42);
             out.push(Dab {
@@ -105,7 +105,7 @@ fn of_solid(field: &Field, cameras: &[Camera], index: usize, seed: u64) -> Vec<D
                 color: develop(light),
                 ..dim
             });
-        } else if !(background && small) && rng.unit() < if background { 0.12 } else { 0.28 } {
+        } else if !(background && small) && rng.unit() < if background { 0.06 } else { 0.20 } {
             out.push(unseen(solid, &place, &mut rng));
         }
     }
@@ -116,6 +116,12 @@ fn of_solid(field: &Field, cameras: &[Camera], index: usize, seed: u64) -> Vec<D
         visible(field, place, &mut rng, &mut out);
     }
     out
+}
+
+/// Whether hanging cloth is near.
+fn behind_cloth(field: &Field, at: DVec3) -> bool {
+    let near = field.near(at).iter().map(|&k| &field.solids[usize::from(k)]);
+    near.filter(|s| matches!(s.shape, Shape::Cloth(..))).any(|s| s.distance(at) < 0.15)
 }
 
 /// How deep a place is inside another solid (negative), if it is.
