@@ -1,8 +1,11 @@
 //! SOG (PlayCanvas): one texel per Gaussian in lossless WebP pictures, and a `meta.json`, in a folder or a ZIP archive.
 
+mod codebook;
 mod image;
 mod meta;
+mod palette;
 mod read;
+mod write;
 mod zip;
 
 use std::borrow::Cow;
@@ -70,15 +73,15 @@ impl Format for Sog {
     }
 
     fn writable(&self) -> bool {
-        false
+        true
     }
 
     fn lossy(&self) -> bool {
         true
     }
 
-    fn write(&self, _cloud: &Cloud, _: &WriteOptions, _sink: &mut dyn Write) -> Result<Written, WriteError> {
-        Err(WriteError::CannotHold { format: "sog", what: String::new(), advice: String::new() })
+    fn write(&self, cloud: &Cloud, _: &WriteOptions, sink: &mut dyn Write) -> Result<Written, WriteError> {
+        write::write(cloud, sink)
     }
 }
 
