@@ -20,7 +20,8 @@ pub struct StraddleSettings {
     /// Share of the views that must see the end of a selected Gaussian outside their mask; 0.15 by default. Low, because a
     /// thing that sticks out shows only against the silhouette.
     pub outside_views: f32,
-    /// Share of the views that must see the end of an unselected Gaussian inside their mask; 0.5 by default.
+    /// Share of the views that must see the end of an unselected Gaussian inside their mask; 0.85 by default. High, for the
+    /// same reason: what some views see outside is not the object.
     pub inside_views: f32,
     /// An end lies outside a mask from this distance on, in pixels; 1 by default.
     pub margin_px: f32,
@@ -34,7 +35,7 @@ impl Default for StraddleSettings {
             share: (0.2, 0.8),
             spread: 0.35,
             outside_views: 0.15,
-            inside_views: 0.5,
+            inside_views: 0.85,
             margin_px: 1.0,
             least_sigma_px: 0.7,
         }
