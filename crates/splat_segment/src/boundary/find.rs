@@ -142,8 +142,9 @@ pub fn straddlers(
         let spread = spreads[i];
         let mixed = share > settings.share.0 && share < settings.share.1;
         let contested = spread > settings.spread;
-        // Wholly inside and selected, or wholly outside and not: nothing to look at.
-        let settled = if selection.contains(i) { share >= 0.999 } else { share <= 0.05 };
+        // Wholly inside and selected: nothing to look at. Unselected ones must have a good part inside: the little that others
+        // have there is mostly what shimmers through at a contact.
+        let settled = if selection.contains(i) { share >= 0.999 } else { share <= settings.share.0 };
         let cut = if settled { None } else { cut(cloud, i, selection.contains(i), &probes, settings) };
         (mixed || contested || cut.is_some()).then_some(Straddler {
             id: i as u32,

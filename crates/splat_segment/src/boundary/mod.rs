@@ -145,7 +145,7 @@ pub fn extract_with(
         };
         *(if selected { &mut report.cut_selected } else { &mut report.cut_rest }) += 1;
         for piece in pieces {
-            let to_object = piece.own == selected;
+            let to_object = if selected { piece.own } else { !piece.own && clear_of(cut, piece) };
             *(if to_object { &mut report.pieces_object } else { &mut report.pieces_rest }) += 1;
             let side = if to_object { &mut object } else { &mut rest };
             side.changed.push((side.from.len(), cut.axis, *piece));
@@ -159,6 +159,13 @@ pub fn extract_with(
         rest_from: rest.from,
         report,
     })
+}
+
+/// Whether a piece of an unselected Gaussian lies so far beyond the cut that the object may have it without a halo of its own: by its
+/// standard deviation at least.
+fn clear_of(cut: &Cut, piece: &Piece) -> bool {
+    let beyond = (piece.center - f64::from(cut.high)).max(f64::from(cut.low) - piece.center);
+    beyond >= piece.sigma
 }
 
 /// One of the two clouds while it is put together.

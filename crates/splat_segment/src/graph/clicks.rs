@@ -1,0 +1,231 @@
+//! Correcting clicks: more of this, less of that, without losing what earlier clicks settled.
+
+use glam::Vec2;
+use splat_core::{SelectMode, Selection};
+use splat_raster::Frame;
+
+use super::look::{Look, inside_distance};
+use super::prepared::Prepared;
+use super::tree::TREES;
+
+/// Whether a click asks for more or for less.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ClickKind {
+    /// The object shall have this.
+    Positive,
+    /// The object shall not have this.
+    Negative,
+}
+
+/// One candidate for what a correcting click may mean.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Change {
+    /// Patches that change.
+    pub patches: Selection,
+    /// How likely; higher is better.
+    pub score: f32,
+    /// What the score is made of, in order of [`CHANGE_WEIGHTS`].
+    pub signs: [f32; CHANGE_SIGNS],
+}
+
+/// Number of signs the score of a change is made of.
+pub const CHANGE_SIGNS: usize = 11;
+
+/// Weight of each sign.
+pub const CHANGE_WEIGHTS: [(&str, f32); CHANGE_SIGNS] = [
+    ("central", 2.397),
+    ("size", -0.426),
+    ("edge_gain", 0.648),
+    ("shape_gain", -0.358),
+    ("length_gain", -0.239),
+    ("reach", 2.442),
+    ("excess", -2.822),
+    ("bulk", 0.000),
+    ("border_gain", 0.0),
+    ("area", 0.0),
+    ("agreement", 0.0),
+];
+
+/// A selection that grows and shrinks by clicks. Patches first, single Gaussians where a click concerns a sliver.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ClickState {
+    /// Patches that belong to the object.
+    pub patches: Selection,
+    /// Single Gaussians decided apart from their patch, rising by id.
+    pub single: Vec<(u32, bool)>,
+    /// Patches that clicks settled.
+    pub settled: Vec<(u32, ClickKind)>,
+}
+
+/// Within this distance of the silhouette, in pixels of the view, an error is a sliver: only single Gaussians change.
+const SLIVER: f32 = 5.0;
+
+impl ClickState {
+    /// Starts from a set of patches that a click on `patch` chose.
+    pub fn new(patches: Selection, patch: u32) -> Self {
+        Self { patches, single: Vec::new(), settled: vec![(patch, ClickKind::Positive)] }
+    }
+
+    /// All Gaussians of the object.
+    pub fn selection(&self, prepared: &Prepared) -> Selection {
+        let mut s = prepared.gaussians(&self.patches);
+        for &(i, inside) in &self.single {
+            if inside {
+                s.insert(i as usize);
+            } else {
+                s.remove(i as usize);
+            }
+        }
+        s
+    }
+
+    /// Answers a correcting click at pixel `at` of the look's view. Nothing changes where nothing is seen there.
+    pub fn correct(&mut self, prepared: &Prepared, look: &Look, at: Vec2, kind: ClickKind) {
+        let Some(gaussian) = look.gaussian(at) else { return };
+        let patch = prepared.graph.of[gaussian as usize];
+        let current = self.selection(prepared);
+        let radius = error_radius(&current, look, at, kind);
+        let wanted = kind == ClickKind::Positive;
+        if radius < SLIVER || self.patches.contains(patch as usize) == wanted {
+            self.flip_near(prepared, look, at, radius, patch, wanted);
+            return;
+        }
+        let changes = self.changes(prepared, look, at, patch, kind, radius);
+        let best = changes.into_iter().max_by(|a, b| a.score.total_cmp(&b.score));
+        if let Some(change) = best.filter(|c| c.score > 1.52) {
+            let mode = if wanted { SelectMode::Add } else { SelectMode::Subtract };
+            self.patches.apply(mode, &change.patches);
+            self.single.retain(|&(i, _)| !change.patches.contains(prepared.graph.of[i as usize] as usize));
+        }
+        self.settled.push((patch, kind));
+    }
+
+    /// Gaussians of the clicked patch that are strongest at a pixel within `radius` of the click.
+    fn flip_near(&mut self, prepared: &Prepared, look: &Look, at: Vec2, radius: f32, patch: u32, wanted: bool) {
+        let r = radius.clamp(1.0, 64.0);
+        let mut ids: Vec<u32> = Vec::new();
+        let (w, h) = (look.view.width as i64, look.view.height as i64);
+        let (cx, cy, reach) = (at.x as i64, at.y as i64, r.ceil() as i64);
+        for y in (cy - reach).max(0)..=(cy + reach).min(h - 1) {
+            for x in (cx - reach).max(0)..=(cx + reach).min(w - 1) {
+                let near = ((x - cx) * (x - cx) + (y - cy) * (y - cy)) as f32 <= r * r;
+                let id = look.solid[(y * w + x) as usize];
+                if near && id != Frame::NO_ID && prepared.graph.of[id as usize] == patch {
+                    ids.push(id);
+                }
+            }
+        }
+        ids.sort_unstable();
+        ids.dedup();
+        self.single.retain(|(i, _)| ids.binary_search(i).is_err());
+        self.single.extend(ids.into_iter().map(|i| (i, wanted)));
+        self.single.sort_unstable();
+    }
+
+    /// What a click on `patch` may mean, in no particular order: the clicked patch alone, or it together with what the trees
+    /// join it to, up to nodes that hold a patch which another click settled the other way.
+    pub fn changes(
+        &self,
+        prepared: &Prepared,
+        look: &Look,
+        at: Vec2,
+        patch: u32,
+        kind: ClickKind,
+        radius: f32,
+    ) -> Vec<Change> {
+        let wanted = kind == ClickKind::Positive;
+        let before = Quality::of(prepared, &self.patches);
+        let pixel = look.pixel(at);
+        let masses = |s: &Selection| s.iter().map(|p| prepared.graph.patches[p].mass).sum::<f32>();
+        let own_mass = masses(&self.patches).max(1e-3);
+        let mut seen: Vec<Selection> = Vec::new();
+        let mut out = Vec::new();
+        for tree in &prepared.trees {
+            for node in tree.ancestors(patch) {
+                let inside = tree.patches(node);
+                if self.settled.iter().any(|&(p, k)| k != kind && inside.contains(&p)) {
+                    break;
+                }
+                let change = Selection::from_ids(
+                    prepared.patch_count(),
+                    inside.iter().copied().filter(|&p| self.patches.contains(p as usize) != wanted),
+                );
+                if seen.contains(&change) {
+                    continue;
+                }
+                let mut after = self.patches.clone();
+                after.apply(if wanted { SelectMode::Add } else { SelectMode::Subtract }, &change);
+                if after.count() == 0 {
+                    break;
+                }
+                let quality = Quality::of(prepared, &after);
+                let shown: Vec<bool> =
+                    look.patch.iter().map(|&p| p != Look::NOTHING && change.contains(p as usize)).collect();
+                let distance = inside_distance(&shown, look.width, look.height);
+                let most = distance.iter().copied().fold(0.0, f32::max);
+                let step = look.step as f32;
+                let (here, most) = (distance[pixel].min(1e5), most.min(1e5));
+                let mass = masses(&change);
+                let signs = [
+                    here / most.max(1.0),
+                    (mass / own_mass).max(1e-6).ln(),
+                    quality.edge - before.edge,
+                    quality.shape - before.shape,
+                    quality.length - before.length,
+                    ((here * step + 1.0) / (radius + 1.0)).min(2.0),
+                    ((most * step + 1.0) / (radius + 1.0)).ln().max(0.0),
+                    (mass / own_mass - 1.0).max(0.0),
+                    quality.weakness - before.weakness,
+                    ((shown.iter().filter(|&&x| x).count() as f32 * step * step + 1.0) / (3.15 * radius * radius + 1.0)).ln(),
+                    ((prepared.trees[0].nodes[0].height + 1e-3) * 0.0) + ((tree.nodes[tree.nodes[node as usize].parent as usize].height + 1e-3) / (tree.nodes[node as usize].height + 1e-3)).ln().min(3.0),
+                ];
+                let score = signs.iter().zip(&CHANGE_WEIGHTS).map(|(s, (_, w))| s * w).sum();
+                seen.push(change.clone());
+                out.push(Change { patches: change, score, signs });
+            }
+        }
+        out
+    }
+}
+
+/// Distance from the clicked pixel to the nearest pixel of the other state in the current silhouette, in pixels.
+pub fn error_radius(current: &Selection, look: &Look, at: Vec2, kind: ClickKind) -> f32 {
+    let wanted = kind == ClickKind::Positive;
+    let (w, h) = (look.view.width as usize, look.view.height as usize);
+    let wrong: Vec<bool> =
+        look.solid.iter().map(|&id| (id != Frame::NO_ID && current.contains(id as usize)) != wanted).collect();
+    let distance = inside_distance(&wrong, w, h);
+    distance[(at.y as usize).min(h - 1) * w + (at.x as usize).min(w - 1)].min((w + h) as f32)
+}
+
+/// How good the border of a set of patches is, in logarithms.
+#[derive(Clone, Copy, Debug)]
+struct Quality {
+    edge: f32,
+    shape: f32,
+    length: f32,
+    weakness: f32,
+}
+
+impl Quality {
+    fn of(prepared: &Prepared, set: &Selection) -> Self {
+        let (mut count, mut edge, mut shape, mut weak) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+        for b in &prepared.graph.borders {
+            if set.contains(b.a as usize) != set.contains(b.b as usize) {
+                let n = f64::from(b.count);
+                count += n;
+                weak += n * f64::from((-TREES[1].strength(b) / 0.5).exp());
+                edge += n * f64::from(TREES[1].strength(b));
+                shape += n * f64::from(TREES[0].strength(b));
+            }
+        }
+        let gaussians: f64 = set.iter().map(|p| f64::from(prepared.graph.patches[p].count)).sum();
+        let share = count.max(1.0);
+        Self {
+            edge: ((edge / share + 0.01) as f32).ln(),
+            shape: ((shape / share + 0.01) as f32).ln(),
+            length: (((count + 1.0) / gaussians.max(1.0).sqrt()) as f32).ln(),
+            weakness: ((weak + 1.0) as f32).ln(),
+        }
+    }
+}
