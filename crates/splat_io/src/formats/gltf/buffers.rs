@@ -143,6 +143,9 @@ impl<'a> Buffers<'a> {
             let found = format!("{} (normalized: {})", accessor.component_type, accessor.normalized);
             return malformed("component type 5120 to 5123 or 5126", found);
         };
+        if accessor.count == 0 {
+            return Ok(Table { bytes: &[], stride: 0, component, count: 0 });
+        }
         let Some(view) = accessor.buffer_view else {
             return malformed("a buffer view", "none, and no compression that is known".to_owned());
         };
@@ -157,10 +160,7 @@ impl<'a> Buffers<'a> {
         let bytes = self.bytes(view)?;
         let start = usize::try_from(accessor.byte_offset).unwrap_or(usize::MAX);
         let bytes = bytes.get(start..).unwrap_or(&[]);
-        let needed = match accessor.count {
-            0 => 0,
-            n => (n - 1).saturating_mul(stride as u64).saturating_add(size as u64),
-        };
+        let needed = (accessor.count - 1).saturating_mul(stride as u64).saturating_add(size as u64);
         if needed > bytes.len() as u64 {
             return Err(ReadError::truncated(
                 format!("bytes of the attribute `{what}`"),

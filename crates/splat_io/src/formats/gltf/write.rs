@@ -153,11 +153,12 @@ fn document(cloud: &Cloud, attributes: &[Attribute], body: u64) -> Value {
     for (number, attribute) in attributes.iter().enumerate() {
         let (shape, component, normalized, size) = attribute.kind.layout();
         let length = size * count;
+        let mut accessor = json!({"componentType": component, "count": count, "type": shape});
         // Views may not be empty; a cloud without Gaussians has none.
         if count > 0 {
             views.push(json!({"buffer": 0, "byteOffset": at, "byteLength": length, "target": 34962}));
+            accessor["bufferView"] = json!(number);
         }
-        let mut accessor = json!({"bufferView": number, "componentType": component, "count": count, "type": shape});
         if normalized {
             accessor["normalized"] = json!(true);
         }

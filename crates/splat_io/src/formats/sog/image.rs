@@ -12,9 +12,8 @@ use crate::{ReadError, SourceName};
 pub(super) struct Image {
     pub(super) width: usize,
     pub(super) height: usize,
-    /// Bytes per pixel: 3 (opaque) or 4.
-    channels: usize,
-    bytes: Vec<u8>,
+    /// Red, green, blue, alpha, row after row.
+    pixels: Vec<[u8; 4]>,
 }
 
 impl Image {
@@ -32,21 +31,28 @@ impl Image {
         limit::check(&format!("the unpacked size of `{file}`"), size, total_len, name)?;
         decoder.set_memory_limit(limit::unpacked_limit(total_len) as usize);
         let size = decoder.output_buffer_size().ok_or_else(|| bad(format!("{width} x {height}")))?;
-        let channels = if decoder.has_alpha() { 4 } else { 3 };
-        let mut bytes = vec![0; size];
-        decoder.read_image(&mut bytes).map_err(damaged)?;
-        Ok(Self { width: width as usize, height: height as usize, channels, bytes })
+        let (width, height) = (width as usize, height as usize);
+        let mut pixels = vec![[0; 4]; width * height];
+        if decoder.has_alpha() {
+            decoder.read_image(pixels.as_flattened_mut()).map_err(damaged)?;
+        } else {
+            let mut bytes = vec![0; size];
+            decoder.read_image(&mut bytes).map_err(damaged)?;
+            for (pixel, [r, g, b]) in pixels.iter_mut().zip(bytes.as_chunks::<3>().0) {
+                *pixel = [*r, *g, *b, 255];
+            }
+        }
+        Ok(Self { width, height, pixels })
     }
 
     /// Number of pixels.
     pub(super) fn len(&self) -> usize {
-        self.width * self.height
+        self.pixels.len()
     }
 
-    /// Red, green, blue and alpha of pixel `i`, row after row. `i` must be below [`Image::len`].
+    /// Pixel `i`, which must be below [`Image::len`].
     pub(super) fn pixel(&self, i: usize) -> [u8; 4] {
-        let p = &self.bytes[i * self.channels..(i + 1) * self.channels];
-        [p[0], p[1], p[2], if self.channels == 4 { p[3] } else { 255 }]
+        self.pixels[i]
     }
 }
 
