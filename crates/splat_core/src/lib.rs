@@ -23,6 +23,7 @@ pub mod orient;
 mod selection;
 pub mod sh;
 mod transform;
+mod transformed;
 mod view;
 
 pub use cloud::{Cloud, CloudArrays, CloudError, ExtraProperty, ExtraValues, GaussianId, Source};

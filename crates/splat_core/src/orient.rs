@@ -15,6 +15,12 @@ const AMBIGUOUS: f64 = 1.1;
 const SMALL: usize = 1000;
 /// A plane with this share of the best one's area could be the floor as well.
 const RIVAL: f32 = 0.5;
+/// Planes whose normals have at least this dot product are the same (30 degrees).
+const APART: f32 = 0.866;
+/// What a flat Gaussian on a plane counts whose own normal is another.
+const ASKEW: f64 = 0.25;
+/// Candidates for the second and third Gaussian of a draw.
+const CANDIDATES: usize = 12;
 
 /// The directions in which a set of Gaussians spreads.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -224,7 +230,7 @@ fn about(center: Vec3, rotation: Quat) -> Similarity {
 /// How the floor is looked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloorSettings {
-    /// Planes through three Gaussians that are tried, 500 by default.
+    /// Planes through three Gaussians that are tried, 1500 by default.
     pub draws: usize,
     /// Seed of the draws.
     pub seed: u64,
@@ -232,13 +238,14 @@ pub struct FloorSettings {
     pub tolerance: f32,
     /// Largest angle between the plane's normal and that of a flat Gaussian on it, in radians, 20 degrees by default.
     pub angle: f32,
-    /// Largest share of the scene that may lie below the floor, 0.03 by default.
+    /// Largest share of the scene that may lie clearly (five tolerances) below the floor, 0.05 by default: captures end in
+    /// haze, and grass has roots.
     pub below: f32,
 }
 
 impl Default for FloorSettings {
     fn default() -> Self {
-        Self { draws: 500, seed: 1, tolerance: 0.01, angle: 20f32.to_radians(), below: 0.03 }
+        Self { draws: 1500, seed: 1, tolerance: 0.01, angle: 20f32.to_radians(), below: 0.05 }
     }
 }
 
@@ -249,9 +256,9 @@ pub struct Floor {
     pub normal: Vec3,
     /// Distance of the plane from the origin along the normal, in scene units.
     pub offset: f32,
-    /// Share of the scene's area on the plane, 0..=1.
+    /// Share of the scene's area on the plane, 0..=1; flat Gaussians that lie askew (blades of grass) count a quarter.
     pub share: f32,
-    /// Share of the scene's area below it, 0..=1.
+    /// Share of the scene's area clearly below it, 0..=1.
     pub below: f32,
     /// Another plane, more than 30 degrees off, that could be the floor as well: its normal, and its share.
     pub rival: Option<(Vec3, f32)>,
@@ -263,6 +270,30 @@ struct Grain {
     /// Direction of the shortest axis, if the Gaussian is flat.
     normal: Option<Vec3>,
     weight: f32,
+}
+
+impl Grain {
+    /// Whether its own normal, if it has one, is within the angle of this cosine of a plane's.
+    fn lies(&self, normal: Vec3, least: f32) -> bool {
+        self.normal.is_none_or(|n| n.dot(normal).abs() >= least)
+    }
+}
+
+/// Three Gaussians for a plane: any first one; the others are the best of a few for the plane that its own normal spans.
+fn draw(grains: &[Grain], random: &mut Random) -> [usize; 3] {
+    let first = random.below(grains.len());
+    let mut other = || {
+        let candidates: [usize; CANDIDATES] = std::array::from_fn(|_| random.below(grains.len()));
+        let Some(normal) = grains[first].normal else { return candidates[0] };
+        // Sine of the angle out of the plane; a Gaussian makes no plane with itself.
+        let out = |k: usize| {
+            let d = grains[k].mean - grains[first].mean;
+            let length = d.length();
+            if length > 0.0 { normal.dot(d).abs() / length } else { f32::INFINITY }
+        };
+        candidates.into_iter().min_by(|&a, &b| out(a).total_cmp(&out(b))).unwrap_or(first)
+    };
+    [first, other(), other()]
 }
 
 /// The plane that the selected Gaussians (all without a selection) stand on; `None` if no plane has the scene on one side.
@@ -279,18 +310,17 @@ pub fn floor_plane(cloud: &Cloud, selection: Option<&Selection>, up: Vec3, setti
     let total: f64 = grains.iter().map(|g| f64::from(g.weight)).sum();
     let tolerance = settings.tolerance * spread(&grains)?;
     let mut random = Random(settings.seed);
-    let draws: Vec<[usize; 3]> =
-        (0..settings.draws).map(|_| std::array::from_fn(|_| random.below(grains.len()))).collect();
+    let draws: Vec<[usize; 3]> = (0..settings.draws).map(|_| draw(&grains, &mut random)).collect();
+    let least = settings.angle.cos();
     let measure = |normal: Vec3, offset: f32| {
         let (mut on, mut above, mut below) = (0.0f64, 0.0f64, 0.0f64);
-        let least = settings.angle.cos();
         for g in &grains {
             let (height, weight) = (normal.dot(g.mean) - offset, f64::from(g.weight));
             if height.abs() <= tolerance {
-                on += if g.normal.is_none_or(|n| n.dot(normal).abs() >= least) { weight } else { 0.0 };
-            } else if height > 2.0 * tolerance {
+                on += if g.lies(normal, least) { weight } else { ASKEW * weight };
+            } else if height > 5.0 * tolerance {
                 above += weight;
-            } else if height < -2.0 * tolerance {
+            } else if height < -5.0 * tolerance {
                 below += weight;
             }
         }
@@ -318,22 +348,41 @@ pub fn floor_plane(cloud: &Cloud, selection: Option<&Selection>, up: Vec3, setti
     found.sort_by(|a, b| b.1.share.total_cmp(&a.1.share).then(a.0.cmp(&b.0)));
     let refined = |rough: &Floor| {
         let mut floor = *rough;
-        for _ in 0..3 {
-            let Some((normal, offset)) = least_squares(&grains, &floor, tolerance, settings.angle.cos()) else { break };
+        // A plane through three Gaussians may be askew by more than the tolerance far from them: the reach closes in.
+        for reach in [3.0, 2.0, 1.0, 1.0] {
+            let Some((normal, offset)) = least_squares(&grains, &floor, reach * tolerance, least) else { break };
             let next = facing(normal, offset);
-            // Refinement must not lose what made the plane a floor.
-            if next.below > settings.below || next.share < floor.share {
-                break;
+            // The middle of what lies on it is worth a little; but refinement must not lose what made the plane a floor.
+            if next.below <= settings.below && next.share >= 0.98 * floor.share {
+                floor = next;
             }
-            floor = next;
         }
         floor
     };
-    let least = RIVAL * found.first()?.1.share;
+    // A refinement costs as much as four measures: only a few of each direction get one.
+    let enough = 0.5 * RIVAL * found.first()?.1.share;
+    let mut directions: Vec<(Vec3, usize)> = Vec::new();
+    found.retain(|(_, rough)| {
+        let alike = |&&mut (normal, _): &&mut (Vec3, usize)| normal.dot(rough.normal) >= APART;
+        match directions.iter_mut().find(alike) {
+            Some((_, count)) => {
+                *count += 1;
+                *count <= 16 && rough.share >= enough
+            }
+            None => {
+                directions.push((rough.normal, 1));
+                rough.share >= enough
+            }
+        }
+    });
+    let mut refined: Vec<Floor> = found.par_iter().map(|(_, rough)| refined(rough)).collect();
+    // The sort is stable: of equals the better rough one stays first.
+    refined.sort_by(|a, b| b.share.total_cmp(&a.share));
+    let enough = RIVAL * refined.first()?.share;
     let mut planes: Vec<Floor> = Vec::new();
-    for (_, rough) in found.iter().filter(|(_, f)| f.share >= least) {
-        if planes.iter().all(|p| p.normal.dot(rough.normal) < 30f32.to_radians().cos()) {
-            planes.push(refined(rough));
+    for plane in refined.iter().filter(|f| f.share >= enough) {
+        if planes.iter().all(|p| p.normal.dot(plane.normal) < APART) {
+            planes.push(*plane);
         }
     }
     // They come by falling share, and the first of equals wins.
@@ -385,10 +434,7 @@ fn spread(grains: &[Grain]) -> Option<f32> {
 
 /// Normal and offset of the plane with the least squared distances to what lies on `floor`.
 fn least_squares(grains: &[Grain], floor: &Floor, tolerance: f32, least: f32) -> Option<(Vec3, f32)> {
-    let on = |g: &&Grain| {
-        (floor.normal.dot(g.mean) - floor.offset).abs() <= tolerance
-            && g.normal.is_none_or(|n| n.dot(floor.normal).abs() >= least)
-    };
+    let on = |g: &&Grain| (floor.normal.dot(g.mean) - floor.offset).abs() <= tolerance && g.lies(floor.normal, least);
     let on: Vec<&Grain> = grains.iter().filter(on).collect();
     let sum: f64 = on.iter().map(|g| f64::from(g.weight)).sum();
     if on.len() < 3 || sum <= 0.0 {
