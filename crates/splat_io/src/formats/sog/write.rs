@@ -204,7 +204,8 @@ fn harmonics(
     tables.push(Table { name, width: PALETTE_COLUMNS * coefficients, height: rows, channels: 3, bytes });
     tables.push(layout.table("shN_labels.webp", |place, _| {
         let [low, high] = palette.labels[place].to_le_bytes();
-        [low, high, 0]
+        // Blue means nothing; equal to green it costs nothing, as the encoder subtracts green.
+        [low, high, high]
     }));
     meta.rest = Some(Palette {
         count: Some(count as u64),
