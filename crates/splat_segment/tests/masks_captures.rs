@@ -8,7 +8,7 @@ use splat_raster::cpu::CpuRasterizer;
 use splat_raster::{Features, Rasterizer, Scene};
 use splat_segment::aggregations::MaskedView;
 use splat_segment::boundary::{Boundary, StraddleSettings, extract_with, halo, straddlers};
-use splat_segment::votes::{IGNORED_LABEL, LabelVotes};
+use splat_segment::votes::{IGNORED_LABEL, LabelVotes, VoteSums};
 use splat_segment::{Occlusion, Run, SegmentSettings, Segmentation, trackers, views};
 
 struct Capture {
@@ -125,7 +125,7 @@ fn three_masks_and_the_geometric_tracker_find_the_box() {
     s.track(trackers::TRACKERS[0], &mut r, &Run::new()).unwrap();
     let (plain, weighted) = c.iou(&s.result(&mut r, &Run::new()).unwrap().selection, 1);
     println!("three masks: plain {plain:.3}, weighted {weighted:.3}");
-    assert!(plain > 0.95, "{plain}");
+    assert!(plain > 0.9 && weighted > 0.95, "{plain} {weighted}");
 }
 
 #[test]
@@ -135,7 +135,11 @@ fn splitting_at_the_edge_of_a_captured_box_shrinks_its_halo() {
     let small: Vec<View> = c.cameras.iter().map(|v| v.resized(v.width / 2, v.height / 2)).collect();
     let masks: Vec<Mask2d> = small.iter().map(|v| c.mask(&mut r, v, 1)).collect();
     let masked: Vec<MaskedView<'_>> = small.iter().zip(&masks).map(|(v, m)| MaskedView::new(v, m)).collect();
-    let selection = Selection::from_fn(c.labels.len(), |i| c.labels[i] == 1);
+    let mut sums = VoteSums::new(c.labels.len());
+    for m in &masked {
+        sums.add(&m.votes(&mut r, &c.scene).unwrap(), 1);
+    }
+    let selection = sums.above(0.5);
     let settings = StraddleSettings::default();
     let found = straddlers(&mut r, &c.scene, &c.cloud, &selection, &masked, &settings, &Run::new()).unwrap();
     let mut measure = |boundary| {

@@ -13,7 +13,7 @@ pub use profile::{Piece, split, trim};
 
 use std::sync::Arc;
 
-use glam::Mat3;
+use glam::{Mat3, Vec3};
 use rayon::prelude::*;
 use splat_core::{Cloud, CloudArrays, Mask2d, Selection, View};
 use splat_raster::{Features, Rasterizer, Scene};
@@ -145,7 +145,8 @@ pub fn extract_with(
         };
         *(if selected { &mut report.cut_selected } else { &mut report.cut_rest }) += 1;
         for piece in pieces {
-            let to_object = if selected { piece.own } else { !piece.own && clear_of(cut, piece) };
+            let to_object =
+                if selected { piece.own } else { !piece.own && clear_of(cut, piece, cloud.scale(id as usize)) };
             *(if to_object { &mut report.pieces_object } else { &mut report.pieces_rest }) += 1;
             let side = if to_object { &mut object } else { &mut rest };
             side.changed.push((side.from.len(), cut.axis, *piece));
@@ -161,11 +162,13 @@ pub fn extract_with(
     })
 }
 
-/// Whether a piece of an unselected Gaussian lies so far beyond the cut that the object may have it without a halo of its own: by its
-/// standard deviation at least.
-fn clear_of(cut: &Cut, piece: &Piece) -> bool {
+/// Whether the object may have a piece of an unselected Gaussian without a halo of its own: it lies beyond the cut by its standard
+/// deviation at least, and is no wider across (where nothing was cut) than along.
+fn clear_of(cut: &Cut, piece: &Piece, scale: Vec3) -> bool {
     let beyond = (piece.center - f64::from(cut.high)).max(f64::from(cut.low) - piece.center);
-    beyond >= piece.sigma
+    let along = f64::from(scale[cut.axis]) * piece.sigma;
+    let across = f64::from(scale[(cut.axis + 1) % 3].max(scale[(cut.axis + 2) % 3]));
+    beyond >= piece.sigma && across <= along
 }
 
 /// One of the two clouds while it is put together.
