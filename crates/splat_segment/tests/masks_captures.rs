@@ -1,5 +1,7 @@
 //! The mask road on real captures with exact labels; skipped where they are absent.
 
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "helpers of tests, outside the functions marked as such")]
+
 use std::path::PathBuf;
 use std::sync::Arc;
 
