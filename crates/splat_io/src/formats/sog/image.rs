@@ -5,6 +5,7 @@ use std::io::Cursor;
 use image_webp::{ColorType, EncoderParams, EncodingError, WebPDecoder, WebPEncoder};
 
 use super::super::limit;
+use super::vp8l;
 use crate::{ReadError, SourceName};
 
 /// A decoded picture.
@@ -56,7 +57,7 @@ impl Image {
     }
 }
 
-/// Compresses a picture of 3 or 4 bytes per pixel, in the better of two ways.
+/// Compresses a picture of 3 or 4 bytes per pixel, in the best of three ways.
 ///
 /// # Errors
 /// Those of the encoder: a side of 0 or above 16,384 pixels.
@@ -74,8 +75,16 @@ pub(super) fn encode(width: usize, height: usize, channels: usize, bytes: &[u8])
         })?;
         Ok(out)
     };
-    // Neighbours in the picture are neighbours in space for some tables, and unrelated numbers for others.
-    let (smooth, plain) = rayon::join(|| attempt(true), || attempt(false));
-    let (smooth, plain) = (smooth?, plain?);
-    Ok(if smooth.len() < plain.len() { smooth } else { plain })
+    // Neighbours in the picture are neighbours in space: similar in some tables, equal in others, unrelated in the rest.
+    let ((similar, unrelated), equal) = rayon::join(
+        || rayon::join(|| attempt(true), || attempt(false)),
+        || vp8l::encode(width, height, channels, bytes),
+    );
+    let mut best = similar?;
+    for other in [unrelated?, equal] {
+        if other.len() < best.len() {
+            best = other;
+        }
+    }
+    Ok(best)
 }

@@ -5,6 +5,7 @@ mod image;
 mod meta;
 mod palette;
 mod read;
+mod vp8l;
 mod write;
 mod zip;
 
