@@ -36,9 +36,12 @@ fn floats(values: &[f32]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
 }
 
-/// One Gaussian with the given raw rotation, scale and opacity: bytes, component type, normalized.
-fn one(rotation: (&[u8], u32, bool), scale: (&[u8], u32, bool), opacity: (&[u8], u32, bool)) -> (Value, Vec<u8>) {
-    let parts: [(&str, &str, (&[u8], u32, bool)); 5] = [
+/// Bytes of one value, component type, normalized.
+type Raw<'a> = (&'a [u8], u32, bool);
+
+/// One Gaussian with the given raw rotation, scale and opacity.
+fn one(rotation: Raw<'_>, scale: Raw<'_>, opacity: Raw<'_>) -> (Value, Vec<u8>) {
+    let parts: [(&str, &str, Raw<'_>); 5] = [
         ("POSITION", "VEC3", (&floats(&[1.0, 2.0, 3.0]), 5126, false)),
         ("KHR_gaussian_splatting:ROTATION", "VEC4", rotation),
         ("KHR_gaussian_splatting:SCALE", "VEC3", scale),
