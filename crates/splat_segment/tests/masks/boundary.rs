@@ -42,7 +42,7 @@ fn slabs() -> Slabs {
     let views: Vec<View> = (0..10)
         .map(|k| {
             let angle = k as f32 * 0.628;
-            let eye = Vec3::new(1.0 * angle.sin(), -1.6, -1.0 * angle.cos());
+            let eye = Vec3::new(angle.sin(), -1.6, -angle.cos());
             View::perspective(splat_core::Pose::look_at(eye, Vec3::ZERO, -Vec3::Y), 0.9, 120, 90)
         })
         .collect();

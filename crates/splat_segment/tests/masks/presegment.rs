@@ -128,7 +128,7 @@ fn the_guard_sees_that_the_object_goes_on_where_it_was_cut() {
     let p = presegment(&room.scene, &[(&view, &seen)], &PresegmentSettings::default()).unwrap();
     // Masks that follow what was kept exactly.
     let views = cameras(6);
-    let mut check = |masks: Vec<Mask2d>| {
+    let check = |masks: Vec<Mask2d>| {
         let masks: Vec<MaskedView<'_>> = views.iter().zip(&masks).map(|(v, m)| MaskedView::new(v, m)).collect();
         // Only the outline is to decide.
         let settings = GuardSettings { wanted_share: 1.0, ..GuardSettings::default() };

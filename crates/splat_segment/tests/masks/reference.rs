@@ -24,7 +24,7 @@ struct Splat {
 fn splat(id: usize, view: &View, mean: DVec3, cov: DMat3, opacity: f64) -> Option<Splat> {
     let w = dmat(view.pose.world_from_view).transpose();
     let t = w * (mean - view.pose.position.as_dvec3());
-    if !(t.z > f64::from(view.near)) {
+    if t.z.is_nan() || t.z <= f64::from(view.near) {
         return None;
     }
     let i = &view.intrinsics;
@@ -132,9 +132,7 @@ impl Rasterizer for Reference {
                         }
                     }
                     t[p] = after;
-                    for c in 0..3 {
-                        color[p][c] += w as f32 * s.color[c];
-                    }
+                    color[p].iter_mut().zip(s.color).for_each(|(sum, c)| *sum += w as f32 * c);
                     largest[s.id] = largest[s.id].max(w);
                     if let Some(f) = outputs.features {
                         for c in 0..channels {

@@ -134,12 +134,8 @@ fn locked_labels_neither_lose_nor_win_gaussians() {
     votes.add(&mut r, &room.scene, &view, &vec![BOX; (room::SIZE.0 * room::SIZE.1) as usize]).unwrap();
     let current = &room.labels;
     let locked = votes.assign(Some((current, &[BALL]))).unwrap();
-    for i in 0..current.len() {
-        assert_eq!(locked.label[i] == BALL, current[i] == BALL);
-    }
+    assert!(locked.label.iter().zip(current).all(|(a, b)| (*a == BALL) == (*b == BALL)));
     let locked = votes.assign(Some((current, &[BOX]))).unwrap();
-    for i in 0..current.len() {
-        assert_eq!(locked.label[i] == BOX, current[i] == BOX);
-    }
+    assert!(locked.label.iter().zip(current).all(|(a, b)| (*a == BOX) == (*b == BOX)));
     assert!(votes.assign(Some((&current[1..], &[BOX]))).is_err());
 }
