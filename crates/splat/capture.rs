@@ -32,13 +32,13 @@ impl Capture {
         Ok(Self { path: path.to_path_buf(), cloud: Arc::new(cloud), report })
     }
 
-    /// As [`Capture::read`], and tells what the reader found odd.
+    /// As [`Capture::read`], and tells what is wrong with the Gaussians; [`Capture::oddities`] has all notes.
     ///
     /// # Errors
     /// As [`Capture::read`].
     pub(crate) fn read_and_tell(path: &Path, terminal: &Terminal) -> Result<Self, Failure> {
         let capture = Self::read(path, terminal)?;
-        for note in capture.oddities() {
+        for note in capture.defects() {
             terminal.note(note);
         }
         Ok(capture)
@@ -46,6 +46,12 @@ impl Capture {
 
     /// Everything the reader found odd, as sentences.
     pub(crate) fn oddities(&self) -> Vec<String> {
+        let mut notes = self.defects();
+        notes.extend(self.report.notes.iter().cloned());
+        notes
+    }
+
+    fn defects(&self) -> Vec<String> {
         let r = &self.report;
         let mut notes = Vec::new();
         if r.not_finite > 0 {
@@ -60,7 +66,6 @@ impl Capture {
         if r.trailing_bytes > 0 {
             notes.push(format!("{} bytes after the last Gaussian were ignored", grouped(r.trailing_bytes as usize)));
         }
-        notes.extend(r.notes.iter().cloned());
         notes
     }
 

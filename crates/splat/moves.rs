@@ -47,15 +47,18 @@ pub(crate) fn similarity(text: &str) -> Result<Similarity, Failure> {
 
 fn from_file(path: &Path) -> Result<Similarity, Failure> {
     let shown = path.display();
-    let text = std::fs::read(path)
-        .map_err(|e| Failure::failed(format!("the file cannot be read ({e}); check its name and permissions: {shown}")))?;
+    let text = std::fs::read(path).map_err(|e| {
+        Failure::failed(format!("the file cannot be read ({e}); check its name and permissions: {shown}"))
+    })?;
     let json: serde_json::Value = serde_json::from_slice(&text)
         .map_err(|e| Failure::failed(format!("the file is no JSON ({e}); a 4x4 matrix was expected: {shown}")))?;
     let mut numbers = Vec::new();
     let whole = flatten(json.get("matrix").unwrap_or(&json), &mut numbers);
     let rows: Option<[f32; 16]> = whole.then(|| numbers.try_into().ok()).flatten();
     let Some(rows) = rows else {
-        return Err(Failure::failed(format!("the file does not hold 16 numbers; write a 4x4 matrix row by row: {shown}")));
+        return Err(Failure::failed(format!(
+            "the file does not hold 16 numbers; write a 4x4 matrix row by row: {shown}"
+        )));
     };
     from_matrix(Mat4::from_cols_array(&rows).transpose()).map_err(|e| Failure::failed(format!("{e}: {shown}")))
 }
@@ -83,9 +86,14 @@ fn from_matrix(m: Mat4) -> Result<Similarity, String> {
         return Err("the matrix mirrors or flattens; Gaussians can be rotated, scaled uniformly and moved".to_owned());
     }
     let rotation = linear * (1.0 / scale);
-    let off = (rotation * rotation.transpose() - Mat3::IDENTITY).to_cols_array().into_iter().fold(0.0, |a: f32, v| a.max(v.abs()));
+    let off = (rotation * rotation.transpose() - Mat3::IDENTITY)
+        .to_cols_array()
+        .into_iter()
+        .fold(0.0, |a: f32, v| a.max(v.abs()));
     if off > 1e-3 {
-        return Err("the matrix shears or scales unevenly; Gaussians can be rotated, scaled uniformly and moved".to_owned());
+        return Err(
+            "the matrix shears or scales unevenly; Gaussians can be rotated, scaled uniformly and moved".to_owned()
+        );
     }
     Ok(Similarity { rotation: Quat::from_mat3(&rotation).normalize(), scale, translation: m.w_axis.truncate() })
 }

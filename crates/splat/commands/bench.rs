@@ -203,8 +203,7 @@ impl<'a> Bench<'a> {
                 if self.drawn.is_multiple_of(2) {
                     view.near = view.near.next_up();
                 }
-                let (sample, drawn) =
-                    measure(|| self.raster.draw(self.scene, &view, &outputs(k), &mut self.frame));
+                let (sample, drawn) = measure(|| self.raster.draw(self.scene, &view, &outputs(k), &mut self.frame));
                 drawn?;
                 if round == 0 {
                     continue;

@@ -104,6 +104,8 @@ fn run(options: &Options, terminal: &Terminal) -> Result<(), Failure> {
         Some(path) => Some(capture.selection(path)?.ids()),
         None => None,
     };
+    // The reader's notes (axes) matter to whoever reads the new file.
+    capture.report.notes.iter().for_each(|note| terminal.note(note));
     let notes = capture.oddities();
     let (bytes_read, gaussians_read) = (capture.report.bytes, capture.cloud.len());
     let mut losses = Vec::new();
@@ -147,7 +149,9 @@ fn run(options: &Options, terminal: &Terminal) -> Result<(), Failure> {
         terminal.note(loss);
     }
     if report.reordered && options.order.is_none() {
-        terminal.note("the Gaussians were put into another order: selections made for the input do not fit (--order tells it)");
+        terminal.note(
+            "the Gaussians were put into another order: selections made for the input do not fit (--order tells it)",
+        );
     }
     terminal.done(format!(
         "wrote {} as {}, {} bytes: {}",

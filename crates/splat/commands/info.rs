@@ -113,7 +113,11 @@ impl Info {
             transparent: opacities.iter().filter(|&&a| a < 1.0 / 255.0).count(),
             opacity: Statistics::of(opacities),
             scale: Statistics::of(largest),
-            extras: cloud.extras().iter().map(|e| Extra { name: e.name.clone(), r#type: type_name(&e.values) }).collect(),
+            extras: cloud
+                .extras()
+                .iter()
+                .map(|e| Extra { name: e.name.clone(), r#type: type_name(&e.values) })
+                .collect(),
             comments: source.comments.clone(),
             not_finite: capture.report.not_finite,
             bad_rotations: capture.report.bad_rotations,

@@ -63,10 +63,7 @@ fn tables() -> Vec<Table> {
         Table {
             name: "cameras",
             columns: &["format", "files", "what it is"],
-            rows: CAMERA_FORMATS
-                .iter()
-                .map(|f| row(&[f.name(), &f.file_names().join(" "), f.description()]))
-                .collect(),
+            rows: CAMERA_FORMATS.iter().map(|f| row(&[f.name(), &f.file_names().join(" "), f.description()])).collect(),
         },
         Table {
             name: "commands",
@@ -89,7 +86,8 @@ fn tables() -> Vec<Table> {
 impl Table {
     fn text(&self) -> String {
         let columns = self.columns.len();
-        let rows = std::iter::once(self.columns.iter().map(|&c| c.to_owned()).collect()).chain(self.rows.iter().cloned());
+        let rows =
+            std::iter::once(self.columns.iter().map(|&c| c.to_owned()).collect()).chain(self.rows.iter().cloned());
         let rows: Vec<Vec<String>> = rows.collect();
         let width = |k: usize| rows.iter().map(|r| r[k].chars().count()).max().unwrap_or(0);
         // The last column is not padded.

@@ -173,8 +173,9 @@ fn straighten(
     selection: Option<&splat_core::Selection>,
     report: &mut Report,
 ) -> Result<Similarity, Failure> {
-    let axes = orient::principal_axes(&capture.cloud, selection)
-        .ok_or_else(|| Failure::failed("no Gaussian can be drawn, so there are no directions; `splat check` tells why"))?;
+    let axes = orient::principal_axes(&capture.cloud, selection).ok_or_else(|| {
+        Failure::failed("no Gaussian can be drawn, so there are no directions; `splat check` tells why")
+    })?;
     match (axes.first_two_ambiguous(), axes.last_two_ambiguous()) {
         (true, true) => report.ambiguities.push("it spreads alike in all directions: nothing was turned".to_owned()),
         (true, false) => report.ambiguities.push(
@@ -208,7 +209,9 @@ impl Report {
         let mut lines = Vec::new();
         if let Some(p) = &self.principal {
             lines.push(format!("center      {}, {} counted", point(p.center), gaussians(p.gaussians)));
-            for (name, (axis, deviation)) in ["longest", "middle", "shortest"].iter().zip(p.axes.iter().zip(p.deviations)) {
+            for (name, (axis, deviation)) in
+                ["longest", "middle", "shortest"].iter().zip(p.axes.iter().zip(p.deviations))
+            {
                 lines.push(format!("{name:<12}{} with deviation {}", point(*axis), short(deviation)));
             }
         }

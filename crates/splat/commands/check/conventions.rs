@@ -4,9 +4,11 @@
 
 use rayon::prelude::*;
 use splat_core::glam::Vec3;
-use splat_core::{ExtraValues, sh};
+use splat_core::orient::{self, FloorSettings};
+use splat_core::sh;
 
 use super::findings::{Finding, Look, Repair};
+use crate::camera::up_of;
 
 /// Fewer Gaussians than this are no evidence for a convention.
 const EVIDENCE: usize = 50;
@@ -78,64 +80,40 @@ pub(super) fn plain_colors(look: &Look) -> Option<Finding> {
     };
     // A real scene of light colours only is possible, so nearly all evidence has to agree.
     let count = if positive > 0.9999 && varied && darkest_is_dark(look, full) { cloud.len() } else { 0 };
-    Finding::change(count, format!("every colour is stored from 0 to {full}, not as an SH coefficient"), move |arrays| {
-        let stride = 3 * sh::coefficient_count(arrays.sh_degree);
-        for c in arrays.sh.chunks_exact_mut(stride) {
-            c[..3].iter_mut().for_each(|v| *v = (*v / full - 0.5) / sh::C0);
-        }
-        "turned all colours into SH coefficients".to_owned()
-    })
+    Finding::change(
+        count,
+        format!("every colour is stored from 0 to {full}, not as an SH coefficient"),
+        move |arrays| {
+            let stride = 3 * sh::coefficient_count(arrays.sh_degree);
+            for c in arrays.sh.chunks_exact_mut(stride) {
+                c[..3].iter_mut().for_each(|v| *v = (*v / full - 0.5) / sh::C0);
+            }
+            "turned all colours into SH coefficients".to_owned()
+        },
+    )
 }
 
 /// Whether, read as plain colours, there are dark and light ones: a light scene, rightly stored, has no near-zero coefficients only.
 fn darkest_is_dark(look: &Look, full: f32) -> bool {
     let stride = look.cloud.sh_stride();
-    let mut first: Vec<f32> = look.cloud.sh().chunks_exact(stride).map(|c| c[0] / full).filter(|v| v.is_finite()).collect();
+    let mut first: Vec<f32> =
+        look.cloud.sh().chunks_exact(stride).map(|c| c[0] / full).filter(|v| v.is_finite()).collect();
     first.sort_unstable_by(f32::total_cmp);
     let at = |share: f32| first[((first.len() - 1) as f32 * share) as usize];
     !first.is_empty() && at(0.99) - at(0.01) > 0.2
 }
 
-/// Mip-Splatting keeps a filter size f per Gaussian beside opacity and scale; viewers expect it fused (Yu et al. 2024):
-/// `s'^2 = s^2 + f^2`, `alpha' = alpha sqrt(prod s^2 / prod s'^2)`.
-pub(super) fn filter_3d(look: &Look) -> Option<Finding> {
-    let filter = look.cloud.extras().iter().find(|e| e.name == "filter_3D")?;
-    let ExtraValues::F32(sizes) = &filter.values else { return None };
-    let sizes = sizes.clone();
-    Finding::change(sizes.len(), "opacity and scale lack the Mip-Splatting filter that is stored beside them", move |arrays| {
-        for (i, &f) in sizes.iter().enumerate() {
-            if !f.is_finite() {
-                continue;
-            }
-            let s = arrays.log_scales[i].map(f32::exp);
-            let fused = (s * s + f * f).map(f32::sqrt);
-            let alpha = 1.0 / (1.0 + (-arrays.opacity_logits[i]).exp());
-            let alpha = (alpha * (s / fused).element_product()).clamp(1e-6, 1.0 - 1e-6);
-            arrays.log_scales[i] = fused.map(f32::ln);
-            arrays.opacity_logits[i] = (alpha / (1.0 - alpha)).ln();
-        }
-        arrays.extras.retain(|e| e.name != "filter_3D");
-        arrays.source.layout = None;
-        "fused the filter into opacity and scale".to_owned()
-    })
-}
-
-pub(super) fn axes(look: &Look) -> Option<Finding> {
-    let axes = &look.cloud.source().axes;
-    (!axes.is_empty() && axes != "RDF").then(|| {
-        let word = |c: char| match c {
-            'R' => "right",
-            'L' => "left",
-            'U' => "up",
-            'D' => "down",
-            'F' => "forward",
-            _ => "backward",
-        };
-        let words: Vec<&str> = axes.chars().map(word).collect();
-        Finding {
-            count: look.cloud.len(),
-            what: format!("the file says that its x, y and z point {}", words.join(", ")),
-            repair: Repair::Nothing,
-        }
+/// The floor, where there is one beyond doubt, tells what is up; most programs expect the file's own axes to say the same.
+pub(super) fn tilted(look: &Look) -> Option<Finding> {
+    if look.cloud.len() < 20 * EVIDENCE {
+        return None;
+    }
+    let up = up_of(look.cloud);
+    let floor = orient::floor_plane(look.cloud, None, up, &FloorSettings::default())?;
+    let degrees = floor.normal.angle_between(up).to_degrees();
+    (floor.rival.is_none() && floor.share > 0.1 && degrees > 10.0).then(|| Finding {
+        count: look.cloud.len(),
+        what: format!("what looks like the floor is {degrees:.0} degrees off level"),
+        repair: Repair::Nothing,
     })
 }

@@ -86,12 +86,7 @@ impl Finding {
 
 /// Every test, in the order of repairs.
 pub(super) static CHECKS: &[Check] = &[
-    Check {
-        name: "empty",
-        about: "no Gaussians at all",
-        advice: "export the capture again",
-        find: conventions::empty,
-    },
+    Check { name: "empty", about: "no Gaussians at all", advice: "export the capture again", find: conventions::empty },
     Check {
         name: "linear-scales",
         about: "scales stored as lengths where logarithms belong",
@@ -111,16 +106,10 @@ pub(super) static CHECKS: &[Check] = &[
         find: conventions::plain_colors,
     },
     Check {
-        name: "filter-3d",
-        about: "a Mip-Splatting filter that is stored beside opacity and scale",
-        advice: "repair fuses it into both, as viewers expect",
-        find: conventions::filter_3d,
-    },
-    Check {
-        name: "axes",
-        about: "axes that differ from training's x right, y down, z forward",
-        advice: "nothing is wrong; other programs may show it upside down: `splat convert --transform 0,180,0` turns it about x",
-        find: conventions::axes,
+        name: "tilted",
+        about: "a floor that is not level, or above everything",
+        advice: "`splat orient FILE --floor -o OUT` makes it level; --up names the direction that shall be up",
+        find: conventions::tilted,
     },
     Check {
         name: "not-finite",

@@ -9,6 +9,8 @@ use super::findings::{Finding, Look};
 
 /// Distance from the middle, in radii of the bulk, beyond which a Gaussian is lost.
 const FAR: f32 = 100.0;
+/// Fewer Gaussians than this have no bulk that others could be outside of.
+const BULK: usize = 10;
 
 pub(super) fn not_finite(look: &Look) -> Option<Finding> {
     Finding::drop(look.ids(|i| !look.cloud.drawable(i)), "values are NaN or infinite")
@@ -82,15 +84,18 @@ pub(super) fn duplicates(look: &Look) -> Option<Finding> {
 }
 
 pub(super) fn far(look: &Look) -> Option<Finding> {
-    let (center, radius) = look.bulk?;
+    let (center, radius) = look.bulk.filter(|_| look.cloud.len() >= BULK)?;
     let far = |i: usize| look.cloud.means()[i].distance(center) > FAR * radius;
     Finding::drop(look.ids(far), format!("lie beyond {FAR} times the bulk's radius of {}", short(radius)))
 }
 
 pub(super) fn giants(look: &Look) -> Option<Finding> {
-    let (_, radius) = look.bulk?;
+    let (_, radius) = look.bulk.filter(|_| look.cloud.len() >= BULK)?;
     let giant = |i: usize| look.cloud.drawable(i) && look.cloud.scale(i).max_element() > radius;
-    Finding::drop(look.ids(giant), format!("a standard deviation is larger than the bulk's radius of {}", short(radius)))
+    Finding::drop(
+        look.ids(giant),
+        format!("a standard deviation is larger than the bulk's radius of {}", short(radius)),
+    )
 }
 
 /// A Gaussian is a floater where its neighbours are much farther away than neighbours are in this capture, and too far

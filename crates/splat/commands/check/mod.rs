@@ -66,6 +66,8 @@ struct Report {
     file: String,
     gaussians: usize,
     findings: Vec<Told>,
+    /// What the reader put right by itself.
+    notes: Vec<String>,
     repaired: Option<Repaired>,
 }
 
@@ -110,6 +112,7 @@ fn run(options: &Options, terminal: &Terminal) -> Result<(), Failure> {
         file: options.file.display().to_string(),
         gaussians: capture.cloud.len(),
         findings: findings.iter().map(told).collect(),
+        notes: capture.report.notes.clone(),
         repaired: None,
     };
     if let Some(out) = &options.repair {
@@ -125,8 +128,7 @@ fn run(options: &Options, terminal: &Terminal) -> Result<(), Failure> {
             losses: written.losses,
         });
     }
-    let notes = capture.report.notes.clone();
-    terminal.report(&report, || report.text(&notes))?;
+    terminal.report(&report, || report.text())?;
     if options.strict && !report.findings.is_empty() {
         return Err(Failure::failed(format!(
             "{} checks found something; `splat check FILE --repair OUT` puts it right: {}",
@@ -162,13 +164,13 @@ fn repair(cloud: &Cloud, keep: &[String]) -> Result<(Cloud, Vec<String>), Failur
 }
 
 impl Report {
-    fn text(&self, notes: &[String]) -> String {
+    fn text(&self) -> String {
         let mut lines = vec![format!("{}: {}", self.file, terminal::gaussians(self.gaussians))];
         for told in &self.findings {
             lines.push(format!("  {:<14} {:>9}  {}", told.check, grouped(told.count), told.what));
             lines.push(format!("  {:<14} {:>9}  -> {}", "", "", told.advice));
         }
-        lines.extend(notes.iter().map(|n| format!("  note: {n}")));
+        lines.extend(self.notes.iter().map(|n| format!("  note: {n}")));
         if self.findings.is_empty() {
             lines.push("  nothing to complain about".to_owned());
         }

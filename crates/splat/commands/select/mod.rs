@@ -95,8 +95,13 @@ fn run(options: &Options, steps: &[Step], terminal: &Terminal) -> Result<(), Fai
         terminal.note("nothing is selected; --picture shows the view that the shapes lie over");
     }
     let written = work.write(options, terminal)?;
-    let report =
-        Report { file: options.file.display().to_string(), gaussians: capture.cloud.len(), selected, steps: told, written };
+    let report = Report {
+        file: options.file.display().to_string(),
+        gaussians: capture.cloud.len(),
+        selected,
+        steps: told,
+        written,
+    };
     terminal.report(&report, || report.text())
 }
 

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::OnceLock;
 
 use splat_core::glam::Vec2;
-use splat_core::{Cloud, Mask2d, Neighbours, NO_NEIGHBOUR, Selection, View};
+use splat_core::{Cloud, Mask2d, NO_NEIGHBOUR, Neighbours, Selection, View};
 
 use crate::failure::Failure;
 use crate::parse;
@@ -72,9 +72,8 @@ impl Shape {
 /// Whether a ray from `p` crosses the outline an odd number of times.
 fn inside(corners: &[Vec2], p: Vec2) -> bool {
     let next = corners.iter().cycle().skip(1);
-    let crosses = |(a, b): &(&Vec2, &Vec2)| {
-        (a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x)
-    };
+    let crosses =
+        |(a, b): &(&Vec2, &Vec2)| (a.y > p.y) != (b.y > p.y) && p.x < a.x + (p.y - a.y) / (b.y - a.y) * (b.x - a.x);
     corners.iter().zip(next).filter(crosses).count() % 2 == 1
 }
 

@@ -73,36 +73,50 @@ static ORDERED: &[Ordered] = &[
     ("polygon", "X,Y;X,Y;...", "The inside of a polygon, in pixels", |t| Shape::polygon(t).map(shape)),
     ("brush", "X,Y;...:R", "A stroke with a round brush of radius R pixels", |t| Shape::brush(t).map(shape)),
     ("mask", "PNG", "The white pixels of a picture of the view's size", |t| Ok(shape(Shape::Mask(PathBuf::from(t))))),
-    ("value", "NAME<NUMBER", "Gaussians by a value, with < <= > >= = or !=: opacity, scale, volume, x, y, z, red, green, blue, radius \
-      (from the middle) or an extra property", |t| Ok(Item::Act(Act::Value(t.parse()?)))),
-    ("project", "HOW", "How the shape before becomes Gaussians: frustum (all behind it), depth (those at the depth that is seen), \
-      surface (those hit first) [default: frustum]", |t| {
-        match t {
+    (
+        "value",
+        "NAME<NUMBER",
+        "Gaussians by a value, with < <= > >= = or !=: opacity, scale, volume, x, y, z, red, green, blue, radius \
+      (from the middle) or an extra property",
+        |t| Ok(Item::Act(Act::Value(t.parse()?))),
+    ),
+    (
+        "project",
+        "HOW",
+        "How the shape before becomes Gaussians: frustum (all behind it), depth (those at the depth that is seen), \
+      surface (those hit first) [default: frustum]",
+        |t| match t {
             "frustum" => Ok(Item::Project(Projected::Frustum)),
             "depth" => Ok(Item::Project(Projected::Depth)),
             "surface" => Ok(Item::Project(Projected::Surface)),
             _ => Err("frustum, depth or surface was expected".to_owned()),
-        }
-    }),
-    ("inside", "WHAT", "What must lie inside the shape before: center, any (of the ellipse), most (of what is seen) \
-      [default: center]", |t| {
-        match t {
+        },
+    ),
+    (
+        "inside",
+        "WHAT",
+        "What must lie inside the shape before: center, any (of the ellipse), most (of what is seen) \
+      [default: center]",
+        |t| match t {
             "center" => Ok(Item::Inside(Footprint::Center)),
             "any" => Ok(Item::Inside(Footprint::Ellipse)),
             "most" => Ok(Item::Inside(Footprint::Weight(0.5))),
             _ => Err("center, any or most was expected".to_owned()),
-        }
-    }),
-    ("mode", "MODE", "What the shape or value before does to the selection: new, add, subtract, intersect [default: new for the \
-      first, add for the others]", |t| {
-        match t {
+        },
+    ),
+    (
+        "mode",
+        "MODE",
+        "What the shape or value before does to the selection: new, add, subtract, intersect [default: new for the \
+      first, add for the others]",
+        |t| match t {
             "new" => Ok(Item::Mode(SelectMode::New)),
             "add" => Ok(Item::Mode(SelectMode::Add)),
             "subtract" => Ok(Item::Mode(SelectMode::Subtract)),
             "intersect" => Ok(Item::Mode(SelectMode::Intersect)),
             _ => Err("new, add, subtract or intersect was expected".to_owned()),
-        }
-    }),
+        },
+    ),
     ("grow", "N", "Add the nearest neighbours, N times", |t| Ok(Item::Act(Act::Grow(times(t)?)))),
     ("shrink", "N", "Take away what touches the unselected, N times", |t| Ok(Item::Act(Act::Shrink(times(t)?)))),
     ("largest", "", "Keep only the largest connected piece", |_| Ok(Item::Act(Act::Largest))),
@@ -127,12 +141,12 @@ pub(super) fn arguments(command: Command) -> Command {
             .help(help)
             .help_heading("Steps, done in the order in which they are given")
             .action(ArgAction::Append)
-            .allow_hyphen_values(true)
             .value_parser(parser);
         command.arg(if value.is_empty() {
             arg.num_args(0).default_missing_value("")
         } else {
-            arg.value_name(value)
+            // Coordinates may be negative.
+            arg.value_name(value).allow_hyphen_values(true)
         })
     })
 }
@@ -225,7 +239,9 @@ mod tests {
 
     #[test]
     fn options_without_their_shape_are_refused() {
-        for line in ["--mode add", "--grow 1 --mode add", "--value opacity<1 --project depth", "--orbit 0,0 --project depth"] {
+        for line in
+            ["--mode add", "--grow 1 --mode add", "--value opacity<1 --project depth", "--orbit 0,0 --project depth"]
+        {
             assert!(matches!(steps(line), Err(Failure::Usage(_))), "{line}");
         }
     }

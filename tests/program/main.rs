@@ -1,0 +1,8 @@
+//! The program from outside: what a user types, what comes back, what lies on the disk afterwards.
+
+mod cameras_and_moves;
+mod check;
+mod common;
+mod messages;
+mod pictures;
+mod select;
