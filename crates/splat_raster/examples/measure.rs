@@ -1,6 +1,6 @@
 //! CPU time per frame of a capture, for each instruction set and set of outputs, and pictures to look at.
 //!
-//! `cargo run --release -p splat_raster --example measure -- SCENE.ply CAMERAS.json [WxH] [VIEWS] [PNG FOLDER]`
+//! `cargo run --release -p splat_raster --example measure -- SCENE.ply CAMERAS.json [WxH] [VIEWS] [PNG FOLDER|-] [CASE]`
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -12,14 +12,15 @@ use splat_raster::{Features, Frame, Outputs, Rasterizer, Scene};
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let (Some(file), Some(cameras)) = (arguments.next(), arguments.next()) else {
-        println!("usage: measure SCENE.ply CAMERAS.json [WxH] [VIEWS] [PNG FOLDER]");
+        println!("usage: measure SCENE.ply CAMERAS.json [WxH] [VIEWS] [PNG FOLDER|-] [CASE]");
         return;
     };
     let size = arguments.next().unwrap_or_else(|| "1280x720".to_owned());
     let (width, height) = size.split_once('x').expect("WxH");
     let (width, height): (u32, u32) = (width.parse().expect("a width"), height.parse().expect("a height"));
     let count: usize = arguments.next().map_or(8, |n| n.parse().expect("a number of views"));
-    let folder = arguments.next();
+    let folder = arguments.next().filter(|folder| folder != "-");
+    let wanted = arguments.next().unwrap_or_default();
 
     let (cloud, _) = splat_io::read(&file).expect("a splat file");
     let gaussians = cloud.len();
@@ -28,7 +29,7 @@ fn main() {
     let views: Vec<View> = views.iter().map(|v| v.view.resized(width, height)).collect();
     let views: Vec<View> = views.iter().step_by((views.len() / count).max(1)).take(count).copied().collect();
     println!(
-        "{gaussians} Gaussians, {} views of {width}x{height}; CPU ms per frame (wall), best of 3 rounds",
+        "{gaussians} Gaussians, {} views of {width}x{height}; CPU ms per frame (wall), best of 5 rounds",
         views.len()
     );
 
@@ -56,14 +57,17 @@ fn main() {
     for set in InstructionSet::ALL.into_iter().rev().filter(|set| set.available()) {
         let mut rasterizer = CpuRasterizer::with(set);
         for (name, outputs) in &cases {
+            if !format!("{} {name}", set.name()).starts_with(&wanted) {
+                continue;
+            }
             let mut best = (f64::MAX, f64::MAX, Default::default());
-            for _ in 0..3 {
+            for _ in 0..5 {
                 let (begin, cpu) = (Instant::now(), cpu_seconds());
                 let mut busy = [0.0; 4];
                 for view in &views {
                     rasterizer.draw(&scene, view, outputs, &mut frame).expect("a frame");
                     for (sum, (_, stage)) in busy.iter_mut().zip(rasterizer.timings().stages()) {
-                        *sum += stage.wall.as_secs_f64() * 1e3 / views.len() as f64;
+                        *sum += stage.cpu.as_secs_f64() * 1e3 / views.len() as f64;
                     }
                 }
                 let per_frame = 1e3 / views.len() as f64;
@@ -76,7 +80,7 @@ fn main() {
             let stages = rasterizer.timings().stages().map(|s| s.0);
             let stages: Vec<String> = stages.iter().zip(best.2).map(|(n, ms)| format!("{n} {ms:.1}")).collect();
             println!(
-                "{:9} {name:10} {:7.1} ({:6.1})  {per_600k:6.1} per 600 k  wall: {}",
+                "{:9}{name:10} {:6.1} ({:5.1}) {per_600k:6.1} per 600 k: {}",
                 set.name(),
                 best.0,
                 best.1,

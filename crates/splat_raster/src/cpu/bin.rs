@@ -7,6 +7,7 @@ use rayon::prelude::*;
 use super::shared::Shared;
 use super::sort::{share, workers_for};
 use super::splat::{Cover, Splat, row_of_tiles};
+use super::timings::Watch;
 
 /// Entries of all lists that are kept at once; beyond, the tiles are done in several rounds.
 const LARGEST_ROUND: u64 = 1 << 27;
@@ -14,6 +15,8 @@ const LARGEST_ROUND: u64 = 1 << 27;
 /// Lists of ids per tile.
 #[derive(Debug, Default)]
 pub(super) struct Bins {
+    /// Covers in order of depth.
+    covers: Vec<Cover>,
     /// Per worker and tile: entries, then where the next one goes.
     counters: Vec<u32>,
     /// Entries per tile.
@@ -43,12 +46,11 @@ pub(super) struct Binning<'a> {
 }
 
 impl Binning<'_> {
-    /// Calls back with each tile and id of one worker's share of the splats.
+    /// Calls back with each tile and id of some of the sorted splats.
     #[inline(always)]
-    fn each(&self, workers: usize, worker: usize, mut entry: impl FnMut(usize, u32)) {
-        for &key in &self.sorted[share(self.sorted.len(), workers, worker)] {
+    fn each(&self, keys: &[u64], covers: &[Cover], mut entry: impl FnMut(usize, u32)) {
+        for (&key, &cover) in keys.iter().zip(covers) {
             let id = key as u32;
-            let cover = self.covers[id as usize];
             if cover.is_large() {
                 let splat = &self.splats[id as usize];
                 for y in splat.tiles[2]..=splat.tiles[3] {
@@ -62,19 +64,38 @@ impl Binning<'_> {
             }
         }
     }
+
+    /// Covers of the sorted splats `keys`, in their order.
+    ///
+    /// A pass of its own: these reads miss the caches, and nothing here waits for one of them.
+    fn gather(&self, keys: &[u64], to: &mut [Cover]) {
+        for (to, &key) in to.iter_mut().zip(keys) {
+            *to = self.covers[key as u32 as usize];
+        }
+    }
 }
 
 impl Bins {
     /// Counts the entries of all tiles and fills the lists of the first round.
-    pub(super) fn start(&mut self, binning: Binning) {
+    pub(super) fn start(&mut self, binning: Binning, watch: &Watch) {
         let tiles = binning.tiles.0 as usize * binning.tiles.1 as usize;
         // A row of counters per worker must stay small beside the lists.
         self.workers = workers_for(binning.sorted.len()).min((1 << 24) / tiles + 1);
         self.counters.clear();
         self.counters.resize(self.workers * tiles, 0);
         let workers = self.workers;
+        let sorted = binning.sorted;
+        self.covers.resize(sorted.len(), Cover::default());
+        let covers = Shared::new(&mut self.covers);
         self.counters.par_chunks_mut(tiles).enumerate().for_each(|(worker, counters)| {
-            binning.each(workers, worker, |tile, _| counters[tile] += 1);
+            let range = share(sorted.len(), workers, worker);
+            // SAFETY: the shares of the workers do not overlap.
+            let covers = unsafe { covers.part(range.start, range.len()) };
+            watch.work(|| {
+                let keys = &sorted[range];
+                binning.gather(keys, covers);
+                binning.each(keys, covers, |tile, _| counters[tile] += 1);
+            });
         });
         self.counts.clear();
         self.counts.resize(tiles, 0);
@@ -84,11 +105,11 @@ impl Bins {
             }
         }
         self.round = 0..0;
-        self.fill(binning);
+        self.fill(binning, watch);
     }
 
     /// Fills the lists of the next round of tiles.
-    pub(super) fn fill(&mut self, binning: Binning) {
+    pub(super) fn fill(&mut self, binning: Binning, watch: &Watch) {
         let tiles = self.counts.len();
         let first = self.round.end;
         let mut sum = 0u64;
@@ -110,15 +131,20 @@ impl Bins {
             self.ids.resize(sum as usize, 0);
         }
         let (round, workers) = (self.round.clone(), self.workers);
+        let covers = &self.covers;
         let ids = Shared::new(&mut self.ids);
         self.counters.par_chunks_mut(tiles).enumerate().for_each(|(worker, counters)| {
-            binning.each(workers, worker, |tile, id| {
-                if round.contains(&tile) {
-                    // SAFETY: counters start at prefix sums of what each worker has for each tile, counted by the same
-                    // walk, so that no two entries share a place and all places are below the sum.
-                    unsafe { ids.write(counters[tile] as usize, id) };
-                    counters[tile] += 1;
-                }
+            let range = share(binning.sorted.len(), workers, worker);
+            let (keys, covers) = (&binning.sorted[range.clone()], &covers[range]);
+            watch.work(|| {
+                binning.each(keys, covers, |tile, id| {
+                    if round.contains(&tile) {
+                        // SAFETY: counters start at prefix sums of what each worker has for each tile, counted by the same
+                        // walk, so that no two entries share a place and all places are below the sum.
+                        unsafe { ids.write(counters[tile] as usize, id) };
+                        counters[tile] += 1;
+                    }
+                })
             });
         });
         self.order.clear();

@@ -22,7 +22,7 @@ pub(super) const BLOCK: usize = 4;
 /// Blocks of a tile.
 pub(super) const BLOCKS: usize = (TILE / BLOCK) * (TILE / BLOCK);
 /// Splats between asking for a splat's memory and its use.
-const AHEAD: usize = 6;
+const AHEAD: usize = 12;
 
 type Picture = [Group<f32>; BLOCKS];
 
@@ -186,20 +186,19 @@ impl Blend<'_> {
 
             // Both factors of the exponent are linear in the pixel: a part per block and a part per pixel of a block.
             let (along, shear, across) = (s.splat(splat.along), s.splat(splat.shear), s.splat(splat.across));
-            let factors = |s: S, dx, dy| (s.mul(along, s.fnma(shear, dy, dx)), s.mul(across, dy));
             let mut block = [Group([0.0; GROUP]); 2];
             let mut pixel = [(along, along); 4];
             for part in 0..parts {
                 let dx = s.add(s.load(&BLOCK_X, part), s.splat(x));
                 let dy = s.add(s.load(&BLOCK_Y, part), s.splat(y));
-                let (e, f) = factors(s, dx, dy);
-                s.store(&mut block[0], part, e);
-                s.store(&mut block[1], part, f);
-                pixel[part] = factors(s, s.load(&PIXEL_X, part), s.load(&PIXEL_Y, part));
+                s.store(&mut block[0], part, s.mul(along, s.fnma(shear, dy, dx)));
+                s.store(&mut block[1], part, s.mul(across, dy));
+                let (dx, dy) = (s.load(&PIXEL_X, part), s.load(&PIXEL_Y, part));
+                pixel[part] = (s.mul(along, s.fnma(shear, dy, dx)), s.mul(across, dy));
             }
 
             let level = s.splat(splat.level);
-            let color = splat.color.map(|c| s.splat(c));
+            let color = [s.splat(splat.color[0]), s.splat(splat.color[1]), s.splat(splat.color[2])];
             let (z, name) = (s.splat(splat.z), s.splat(f32::from_bits(id)));
             let mut blocks = mask;
             while blocks != 0 {
@@ -359,16 +358,18 @@ fn sum<S: Simd>(s: S, request: &Request, pixels: &mut Pixels, mask: u32, id: usi
     if let Some(masks) = request.outputs.votes {
         // 1.5 * 2^23: adding it leaves the nearest integer in the low bits.
         let (unit, magic, low) = (s.splat(65_536.0), s.splat(12_582_912.0), s.splat_i(0x3f_ffff));
-        let units = |b: usize, part: usize, pixels: &Pixels| {
-            s.and_i(s.as_int(s.fma(s.load(&pixels.weights[b], part), unit, magic)), low)
-        };
+        macro_rules! units {
+            ($b:expr, $part:expr) => {
+                s.and_i(s.as_int(s.fma(s.load(&pixels.weights[$b], $part), unit, magic)), low)
+            };
+        }
         let mut total = s.splat_i(0);
         let mut blocks = mask;
         while blocks != 0 {
             let b = blocks.trailing_zeros() as usize;
             blocks &= blocks - 1;
             for part in 0..parts {
-                total = s.add_i(total, units(b, part, pixels));
+                total = s.add_i(total, units!(b, part));
             }
         }
         let total = s.sum_i(total);
@@ -383,7 +384,7 @@ fn sum<S: Simd>(s: S, request: &Request, pixels: &mut Pixels, mask: u32, id: usi
                     blocks &= blocks - 1;
                     for part in 0..parts {
                         let value = s.load_u8(&pixels.masks[m * BLOCKS + b], part);
-                        inside = s.add_i(inside, s.mul_i(units(b, part, pixels), value));
+                        inside = s.add_i(inside, s.mul_i(units!(b, part), value));
                     }
                 }
                 let inside = s.sum_i(inside);

@@ -1,8 +1,8 @@
 //! [`Canvas`]: the pictures of a frame, written tile by tile from many threads.
 
-use super::blend::{BLOCKS, Pixels, expected_depth, pixel_of};
+use super::blend::{BLOCK, BLOCKS, Pixels, expected_depth, pixel_of};
 use super::shared::Shared;
-use super::simd::GROUP;
+use super::simd::{GROUP, Group};
 use super::splat::TILE;
 use crate::{Frame, Outputs};
 
@@ -35,7 +35,15 @@ impl<'a> Canvas<'a> {
         let (width, height) = (TILE.min(size.0 - corner.0), TILE.min(size.1 - corner.1));
         for y in 0..height {
             let start = (corner.1 + y) * size.0 + corner.0;
-            // SAFETY: rows of different tiles do not overlap, and one tile is written by one thread.
+            if outputs.color {
+                // SAFETY: rows of different tiles do not overlap, and one tile is written by one thread.
+                let row = unsafe { self.color.part(start, width) };
+                for (x, four) in row.chunks_mut(BLOCK).enumerate() {
+                    let (b, i) = block_of(x * BLOCK, y);
+                    write_colors(pixels, b, i, four);
+                }
+            }
+            // SAFETY: as above.
             macro_rules! row {
                 ($on:expr, $picture:ident, |$b:ident, $i:ident| $value:expr) => {
                     if $on {
@@ -47,10 +55,6 @@ impl<'a> Canvas<'a> {
                     }
                 };
             }
-            row!(outputs.color, color, |b, i| {
-                let [red, green, blue] = [0, 1, 2].map(|c| pixels.color[c][b].0[i]);
-                [red, green, blue, 1.0 - pixels.transmittance[b].0[i].abs()]
-            });
             row!(outputs.median_depth, median_depth, |b, i| pixels.median[b].0[i]);
             row!(outputs.expected_depth, expected_depth, |b, i| {
                 expected_depth(pixels.depth[b].0[i], pixels.transmittance[b].0[i])
@@ -71,10 +75,29 @@ impl<'a> Canvas<'a> {
     }
 }
 
+/// Colours of the (up to four) pixels of one row of a block, whose first is `i`.
+#[inline(always)]
+fn write_colors(pixels: &Pixels, b: usize, i: usize, to: &mut [[f32; 4]]) {
+    let four = |group: &Group<f32>| -> [f32; BLOCK] {
+        let mut out = [0.0; BLOCK];
+        out.copy_from_slice(&group.0[i..i + BLOCK]);
+        out
+    };
+    let [red, green, blue] = [&pixels.color[0][b], &pixels.color[1][b], &pixels.color[2][b]];
+    let (red, green, blue, t) = (four(red), four(green), four(blue), four(&pixels.transmittance[b]));
+    let mut out = [[0.0; 4]; BLOCK];
+    for k in 0..BLOCK {
+        out[k] = [red[k], green[k], blue[k], 1.0 - t[k].abs()];
+    }
+    match to.first_chunk_mut::<BLOCK>() {
+        Some(to) => *to = out,
+        None => to.copy_from_slice(&out[..to.len()]),
+    }
+}
+
 /// Block of a pixel of a tile, and which of the block's pixels it is: the inverse of [`pixel_of`].
 #[inline(always)]
 fn block_of(x: usize, y: usize) -> (usize, usize) {
-    use super::blend::BLOCK;
     let b = y / BLOCK * (TILE / BLOCK) + x / BLOCK;
     let i = y % BLOCK * BLOCK + x % BLOCK;
     debug_assert!(i < GROUP && pixel_of(b, i) == (x, y));

@@ -15,7 +15,6 @@ mod timings;
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, Weak};
-use std::time::Instant;
 
 use rayon::prelude::*;
 use splat_core::{Cloud, Selection, Similarity, View};
@@ -27,6 +26,7 @@ use self::project::{Block, Project, Setup};
 pub use self::simd::InstructionSet;
 use self::sort::Sorter;
 use self::splat::{Cover, Splat, TILE};
+use self::timings::Watch;
 pub use self::timings::{Stage, Timings};
 use crate::{Frame, Outputs, RasterError, Rasterizer, Scene};
 
@@ -155,7 +155,7 @@ impl CpuRasterizer {
 
     /// Stages 1 to 3, unless the last draw's lists serve.
     fn prepare(&mut self, scene: &Scene, view: &View, color: bool) {
-        let begin = Instant::now();
+        let watch = Watch::start();
         let count = scene.len();
         // Only grown: entries of earlier frames are never read, since only keys lead to them.
         if self.splats.len() < count {
@@ -178,25 +178,23 @@ impl CpuRasterizer {
                 .zip(&mut self.blocks[known..])
                 .enumerate()
                 .for_each(|(k, (((splats, covers), keys), block))| {
-                    let begin = Instant::now();
-                    *block = set.run(Project { setup: &setup, start: k * BLOCK, splats, covers, keys });
-                    let _ = begin;
+                    *block = watch.work(|| set.run(Project { setup: &setup, start: k * BLOCK, splats, covers, keys }));
                 });
             first += len;
         }
-        self.timings.project.wall = begin.elapsed();
-        let begin = Instant::now();
-        self.sorter.sort(&self.keys, &self.blocks);
-        self.timings.sort.wall = begin.elapsed();
-        let begin = Instant::now();
+        self.timings.project = watch.read();
+        let watch = Watch::start();
+        self.sorter.sort(&self.keys, &self.blocks, &watch);
+        self.timings.sort = watch.read();
+        let watch = Watch::start();
         let binning = Binning {
             sorted: self.sorter.sorted(),
             splats: &self.splats,
             covers: &self.covers,
             tiles: (view.width.div_ceil(TILE as u32), view.height.div_ceil(TILE as u32)),
         };
-        self.bins.start(binning);
-        self.timings.bin.wall = begin.elapsed();
+        self.bins.start(binning, &watch);
+        self.timings.bin = watch.read();
         match &mut self.last {
             Some(key) => key.set(scene, view, color),
             none => {
@@ -208,21 +206,23 @@ impl CpuRasterizer {
     }
 
     /// Stage 4 for the tiles whose lists are there.
-    fn blend(&self, request: Request, across: usize) {
+    fn blend(&self, request: Request, across: usize, watch: &Watch) {
         let next = AtomicUsize::new(0);
         let order = self.bins.order();
         self.pixels.par_iter().with_max_len(1).for_each(|pixels| {
             // Never contended: there is one for each task.
             let mut pixels = pixels.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
-            while let Some(&tile) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
-                let tile = tile as usize;
-                self.set.run(Blend {
-                    request,
-                    list: self.bins.list(tile),
-                    corner: (tile % across * TILE, tile / across * TILE),
-                    pixels: &mut pixels,
-                });
-            }
+            watch.work(|| {
+                while let Some(&tile) = order.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let tile = tile as usize;
+                    self.set.run(Blend {
+                        request,
+                        list: self.bins.list(tile),
+                        corner: (tile % across * TILE, tile / across * TILE),
+                        pixels: &mut pixels,
+                    });
+                }
+            });
         });
     }
 }
@@ -235,12 +235,12 @@ impl Rasterizer for CpuRasterizer {
             self.last = None;
             self.prepare(scene, view, outputs.color);
         }
-        let begin = Instant::now();
+        let watch = Watch::start();
         let threads = rayon::current_num_threads();
         if self.pixels.len() != threads {
             self.pixels.resize_with(threads, Mutex::default);
         }
-        frame.reset(view, outputs, scene.len());
+        watch.work(|| frame.reset(view, outputs, scene.len()));
         let mut visible = std::mem::take(&mut frame.visibility).into_words();
         let mut votes = std::mem::take(&mut frame.votes);
         let total = shared::atomic(&mut votes.total);
@@ -250,31 +250,32 @@ impl Rasterizer for CpuRasterizer {
         let across = width.div_ceil(TILE);
         let canvas = Canvas::new(frame);
         let request = Request { splats: &self.splats, size: (width, height), outputs, sums, canvas: &canvas };
-        self.blend(request, across);
+        self.blend(request, across, &watch);
         let rounds = !self.bins.done();
         while !self.bins.done() {
-            self.bins.fill(Binning {
-                sorted: self.sorter.sorted(),
-                splats: &self.splats,
-                covers: &self.covers,
-                tiles: (across as u32, height.div_ceil(TILE) as u32),
-            });
-            self.blend(request, across);
+            self.bins.fill(
+                Binning {
+                    sorted: self.sorter.sorted(),
+                    splats: &self.splats,
+                    covers: &self.covers,
+                    tiles: (across as u32, height.div_ceil(TILE) as u32),
+                },
+                &watch,
+            );
+            self.blend(request, across, &watch);
         }
         if rounds {
             self.last = None;
         }
         drop(inside);
         votes.inside.par_iter_mut().for_each(|sums| {
-            for sum in sums {
-                *sum /= 255;
-            }
+            watch.work(|| sums.iter_mut().for_each(|sum| *sum /= 255));
         });
         frame.votes = votes;
         if outputs.visibility.is_some() {
             frame.visibility = Selection::from_words(scene.len(), visible);
         }
-        self.timings.raster.wall = begin.elapsed();
+        self.timings.raster = watch.read();
         Ok(())
     }
 }

@@ -167,20 +167,20 @@ impl Kernel for Project<'_> {
                 alive &= alive - 1;
                 let Some(tiles) = tile_box(&lanes, i) else { continue };
                 let id = setup.first_id + (at + i) as u32;
-                let f = |k: usize| lanes.splat[k].0[i];
                 let mut color = [0.0; 3];
                 if setup.color {
                     let sh = &cloud.sh()[(at + i) * stride..][..stride];
                     color = blend_harmonics(&harmonics, i, sh, coefficients);
                 }
+                let f = &lanes.splat;
                 let splat = Splat {
-                    mean: [f(0), f(1)],
-                    along: f(2),
-                    shear: f(3),
-                    across: f(4),
-                    lean: f(5),
-                    level: f(6),
-                    z: f(7),
+                    mean: [f[0].0[i], f[1].0[i]],
+                    along: f[2].0[i],
+                    shear: f[3].0[i],
+                    across: f[4].0[i],
+                    lean: f[5].0[i],
+                    level: f[6].0[i],
+                    z: f[7].0[i],
                     color,
                     id,
                     tiles,
@@ -211,9 +211,10 @@ fn hidden_bits(hidden: Option<&Selection>, at: usize) -> u32 {
 fn to_view<S: Simd>(s: S, setup: &Setup, lanes: &mut Lanes) -> u32 {
     let mut alive = 0;
     for part in 0..GROUP / S::LANES {
-        let [x, y, z] = [0, 1, 2].map(|k| s.load(&lanes.mean[k], part));
+        let [x, y, z] = load3(s, &lanes.mean, part);
         let mut depth = x;
-        for (k, row) in setup.rows.iter().enumerate() {
+        for k in 0..3 {
+            let row = setup.rows[k];
             let t = s.fma(s.splat(row.z), z, s.splat(setup.origin[k]));
             depth = s.fma(s.splat(row.x), x, s.fma(s.splat(row.y), y, t));
             s.store(&mut lanes.view[k], part, depth);
@@ -231,10 +232,11 @@ fn to_pixels<S: Simd>(s: S, setup: &Setup, lanes: &mut Lanes) -> u32 {
     let (zero, one) = (s.splat(0.0), s.splat(1.0));
     let log2_e = s.splat(std::f32::consts::LOG2_E);
     for part in 0..GROUP / S::LANES {
-        let log_scale = [0, 1, 2].map(|k| s.load(&lanes.log_scale[k], part));
-        let stored = [0, 1, 2, 3].map(|k| s.load(&lanes.rotation[k], part));
+        let log_scale = load3(s, &lanes.log_scale, part);
+        let r = &lanes.rotation;
+        let stored = [s.load(&r[0], part), s.load(&r[1], part), s.load(&r[2], part), s.load(&r[3], part)];
         let logit = s.load(&lanes.logit, part);
-        let [x, y, z] = [0, 1, 2].map(|k| s.load(&lanes.view[k], part));
+        let [x, y, z] = load3(s, &lanes.view, part);
 
         // Zero times what is not finite is NaN, and stays so.
         let mut finite = zero;
@@ -247,34 +249,36 @@ fn to_pixels<S: Simd>(s: S, setup: &Setup, lanes: &mut Lanes) -> u32 {
         let (px, py) = (s.mul(x, scale), s.mul(y, scale));
         let u = s.fma(s.splat(setup.focal[0]), px, s.splat(setup.center[0]));
         let v = s.fma(s.splat(setup.focal[1]), py, s.splat(setup.center[1]));
-        let linear = |p, limits: [f32; 2]| {
-            if setup.parallel.is_some() { zero } else { s.min(s.max(p, s.splat(limits[0])), s.splat(limits[1])) }
+        let (lx, ly) = match setup.parallel {
+            Some(_) => (zero, zero),
+            None => (limit(s, px, setup.limits[0]), limit(s, py, setup.limits[1])),
         };
-        let (lx, ly) = (linear(px, setup.limits[0]), linear(py, setup.limits[1]));
-        let jacobian = |focal: f32, row: Vec3, l| {
-            let k = s.mul(s.splat(focal), scale);
-            [0, 1, 2].map(|c| s.mul(k, s.fnma(l, s.splat(setup.rows[2][c]), s.splat(row[c]))))
-        };
-        let j0 = jacobian(setup.focal[0], setup.rows[0], lx);
-        let j1 = jacobian(setup.focal[1], setup.rows[1], ly);
+        let j0 = jacobian_row(s, setup, 0, scale, lx);
+        let j1 = jacobian_row(s, setup, 1, scale, ly);
 
         // Both rows of the Jacobian in the Gaussian's own axes, times its scales: the covariance is their products.
         let axes = rotation_columns(s, stored);
-        let dot = |a: [S::F; 3], b: [S::F; 3]| s.fma(a[0], b[0], s.fma(a[1], b[1], s.mul(a[2], b[2])));
         let mut p = [zero; 3];
         let mut q = [zero; 3];
         for k in 0..3 {
             let sigma = exp2_precise(s, s.min(s.mul(log_scale[k], log2_e), s.splat(40.0)));
-            p[k] = s.mul(sigma, dot(axes[k], j0));
-            q[k] = s.mul(sigma, dot(axes[k], j1));
+            p[k] = s.mul(sigma, dot(s, axes[k], j0));
+            q[k] = s.mul(sigma, dot(s, axes[k], j1));
         }
-        let shrink = s.sqrt(s.min(one, s.div(s.splat(LARGEST_VARIANCE), s.max(s.max(dot(p, p), dot(q, q)), one))));
-        p = p.map(|v| s.mul(v, shrink));
-        q = q.map(|v| s.mul(v, shrink));
-        let (a0, b, c0) = (dot(p, p), dot(p, q), dot(q, q));
+        let shrink =
+            s.sqrt(s.min(one, s.div(s.splat(LARGEST_VARIANCE), s.max(s.max(dot(s, p, p), dot(s, q, q)), one))));
+        for k in 0..3 {
+            p[k] = s.mul(p[k], shrink);
+            q[k] = s.mul(q[k], shrink);
+        }
+        let (a0, b, c0) = (dot(s, p, p), dot(s, p, q), dot(s, q, q));
         // Lagrange's identity: a c - b^2 without the cancellation.
-        let cross = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| s.fnma(p[j], q[i], s.mul(p[i], q[j])));
-        let det0 = dot(cross, cross);
+        let cross = [
+            s.fnma(p[2], q[1], s.mul(p[1], q[2])),
+            s.fnma(p[0], q[2], s.mul(p[2], q[0])),
+            s.fnma(p[1], q[0], s.mul(p[0], q[1])),
+        ];
+        let det0 = dot(s, cross, cross);
         let low_pass = s.splat(LOW_PASS);
         let (a, c) = (s.add(a0, low_pass), s.add(c0, low_pass));
         let det = s.add(s.fma(low_pass, s.add(a0, c0), s.splat(LOW_PASS * LOW_PASS)), det0);
@@ -289,13 +293,8 @@ fn to_pixels<S: Simd>(s: S, setup: &Setup, lanes: &mut Lanes) -> u32 {
 
         // The box of the ellipse on which alpha is 1/255, a hundredth of a pixel larger, as pixel centres.
         let k = s.mul(reach, s.splat(2.0 * std::f32::consts::LN_2));
-        let bounds = |mean, variance, size: f32| {
-            let half = s.add(s.sqrt(s.max(s.mul(k, variance), zero)), s.splat(0.01));
-            let center = s.sub(mean, s.splat(0.5));
-            (s.max(s.sub(center, half), zero), s.min(s.add(center, half), s.splat(size - 1.0)))
-        };
-        let (x0, x1) = bounds(u, a, setup.size[0]);
-        let (y0, y1) = bounds(v, c, setup.size[1]);
+        let (x0, x1) = bounds(s, u, s.mul(k, a), setup.size[0]);
+        let (y0, y1) = bounds(s, v, s.mul(k, c), setup.size[1]);
 
         let mut keep = s.and(s.ge(finite, zero), s.ge(reach, zero));
         keep = s.and(keep, s.and(s.ge(logit, logit), s.gt(det, zero)));
@@ -306,14 +305,50 @@ fn to_pixels<S: Simd>(s: S, setup: &Setup, lanes: &mut Lanes) -> u32 {
         let along = s.sqrt(s.mul(half_log2_e, s.div(c, det)));
         let across = s.sqrt(s.div(half_log2_e, c));
         let numbers = [u, v, along, s.div(b, c), across, s.div(b, a), level, z];
-        for (k, number) in numbers.into_iter().enumerate() {
-            s.store(&mut lanes.splat[k], part, number);
+        for k in 0..numbers.len() {
+            s.store(&mut lanes.splat[k], part, numbers[k]);
         }
-        for (k, bound) in [x0, x1, y0, y1].into_iter().enumerate() {
-            s.store(&mut lanes.bounds[k], part, bound);
+        let bounds = [x0, x1, y0, y1];
+        for k in 0..bounds.len() {
+            s.store(&mut lanes.bounds[k], part, bounds[k]);
         }
     }
     alive
+}
+
+#[inline(always)]
+fn load3<S: Simd>(s: S, from: &[Group<f32>; 3], part: usize) -> [S::F; 3] {
+    [s.load(&from[0], part), s.load(&from[1], part), s.load(&from[2], part)]
+}
+
+#[inline(always)]
+fn dot<S: Simd>(s: S, a: [S::F; 3], b: [S::F; 3]) -> S::F {
+    s.fma(a[0], b[0], s.fma(a[1], b[1], s.mul(a[2], b[2])))
+}
+
+#[inline(always)]
+fn limit<S: Simd>(s: S, x: S::F, limits: [f32; 2]) -> S::F {
+    s.min(s.max(x, s.splat(limits[0])), s.splat(limits[1]))
+}
+
+/// Derivative of the pixel's x (`axis` 0) or y (1) by the position in the cloud's space; `slope` is x / z or y / z.
+#[inline(always)]
+fn jacobian_row<S: Simd>(s: S, setup: &Setup, axis: usize, scale: S::F, slope: S::F) -> [S::F; 3] {
+    let (row, depth) = (setup.rows[axis], setup.rows[2]);
+    let k = s.mul(s.splat(setup.focal[axis]), scale);
+    [
+        s.mul(k, s.fnma(slope, s.splat(depth.x), s.splat(row.x))),
+        s.mul(k, s.fnma(slope, s.splat(depth.y), s.splat(row.y))),
+        s.mul(k, s.fnma(slope, s.splat(depth.z), s.splat(row.z))),
+    ]
+}
+
+/// First and last pixel centre, in whole pixels of a picture of that size, within the root of `square` of `mean`.
+#[inline(always)]
+fn bounds<S: Simd>(s: S, mean: S::F, square: S::F, size: f32) -> (S::F, S::F) {
+    let half = s.add(s.sqrt(s.max(square, s.splat(0.0))), s.splat(0.01));
+    let center = s.sub(mean, s.splat(0.5));
+    (s.max(s.sub(center, half), s.splat(0.0)), s.min(s.add(center, half), s.splat(size - 1.0)))
 }
 
 /// Columns of the rotation matrices of quaternions of any length; the identity where one has no direction.
@@ -323,10 +358,11 @@ fn rotation_columns<S: Simd>(s: S, q: [S::F; 4]) -> [[S::F; 3]; 3] {
     let square = s.fma(q[0], q[0], s.fma(q[1], q[1], s.fma(q[2], q[2], s.mul(q[3], q[3]))));
     let directed = s.and(s.gt(square, s.splat(1e-24)), s.ge(s.splat(f32::MAX), square));
     let unit = s.div(one, s.sqrt(square));
-    let [x, y, z] = [0, 1, 2].map(|k| s.zero_unless(directed, s.mul(q[k], unit)));
+    let x = s.zero_unless(directed, s.mul(q[0], unit));
+    let y = s.zero_unless(directed, s.mul(q[1], unit));
+    let z = s.zero_unless(directed, s.mul(q[2], unit));
     let w = s.select(directed, s.mul(q[3], unit), one);
-    let double = |v| s.add(v, v);
-    let (x2, y2, z2) = (double(x), double(y), double(z));
+    let (x2, y2, z2) = (s.add(x, x), s.add(y, y), s.add(z, z));
     let (xx, yy, zz) = (s.mul(x, x2), s.mul(y, y2), s.mul(z, z2));
     let (xy, xz, yz) = (s.mul(x, y2), s.mul(x, z2), s.mul(y, z2));
     let (wx, wy, wz) = (s.mul(w, x2), s.mul(w, y2), s.mul(w, z2));
@@ -340,71 +376,87 @@ fn rotation_columns<S: Simd>(s: S, q: [S::F; 4]) -> [[S::F; 3]; 3] {
 /// First and last tile across and down of lane `i`; none where its box holds no pixel centre.
 #[inline(always)]
 fn tile_box(lanes: &Lanes, i: usize) -> Option<[u16; 4]> {
-    let [x0, x1, y0, y1] = [0, 1, 2, 3].map(|k| lanes.bounds[k].0[i]);
-    let up = |x: f32| x as u32 + u32::from((x as u32 as f32) < x);
-    let (x0, x1, y0, y1) = (up(x0), x1 as u32, up(y0), y1 as u32);
-    let tile = |x: u32| (x / TILE as u32) as u16;
-    (x0 <= x1 && y0 <= y1).then_some([tile(x0), tile(x1), tile(y0), tile(y1)])
+    let b = &lanes.bounds;
+    let (x0, x1, y0, y1) = (b[0].0[i], b[1].0[i] as u32, b[2].0[i], b[3].0[i] as u32);
+    // Rounded up; all are at least 0.
+    let x0 = x0 as u32 + u32::from((x0 as u32 as f32) < x0);
+    let y0 = y0 as u32 + u32::from((y0 as u32 as f32) < y0);
+    const PER: u32 = TILE as u32;
+    if x0 <= x1 && y0 <= y1 {
+        return Some([(x0 / PER) as u16, (x1 / PER) as u16, (y0 / PER) as u16, (y1 / PER) as u16]);
+    }
+    None
 }
 
 /// Values of all harmonics above the constant one towards 16 Gaussians.
 #[inline(always)]
 fn basis<S: Simd>(s: S, setup: &Setup, degree: u8, lanes: &mut Lanes, to: &mut [Group<f32>; 25]) {
     for part in 0..GROUP / S::LANES {
-        let d = [0, 1, 2].map(|k| match setup.parallel {
-            Some(direction) => s.splat(direction[k]),
-            None => s.sub(s.load(&lanes.mean[k], part), s.splat(setup.camera[k])),
-        });
-        let square = s.fma(d[0], d[0], s.fma(d[1], d[1], s.mul(d[2], d[2])));
+        let mut d = load3(s, &lanes.mean, part);
+        for k in 0..3 {
+            d[k] = match setup.parallel {
+                Some(direction) => s.splat(direction[k]),
+                None => s.sub(d[k], s.splat(setup.camera[k])),
+            };
+        }
+        let square = dot(s, d, d);
         let unit = s.div(s.splat(1.0), s.sqrt(s.max(square, s.splat(1e-30))));
-        let [x, y, z] = d.map(|v| s.mul(v, unit));
-        let k = |c: f32, v| s.mul(s.splat(c), v);
-        let mut put = |i: usize, v| s.store(&mut to[i], part, v);
-        put(1, k(-0.488_602_52, y));
-        put(2, k(0.488_602_52, z));
-        put(3, k(-0.488_602_52, x));
+        let (x, y, z) = (s.mul(d[0], unit), s.mul(d[1], unit), s.mul(d[2], unit));
+        s.store(&mut to[1], part, times(s, -0.488_602_52, y));
+        s.store(&mut to[2], part, times(s, 0.488_602_52, z));
+        s.store(&mut to[3], part, times(s, -0.488_602_52, x));
         if degree < 2 {
             continue;
         }
         let (x2, y2, z2) = (s.mul(x, x), s.mul(y, y), s.mul(z, z));
         let (xy, yz, xz) = (s.mul(x, y), s.mul(y, z), s.mul(x, z));
         let x2_y2 = s.sub(x2, y2);
-        let line = |a: f32, v, b: f32| s.fma(s.splat(a), v, s.splat(b));
-        put(4, k(1.092_548_5, xy));
-        put(5, k(-1.092_548_5, yz));
+        s.store(&mut to[4], part, times(s, 1.092_548_5, xy));
+        s.store(&mut to[5], part, times(s, -1.092_548_5, yz));
         // On the unit sphere 2z2 - x2 - y2 = 3z2 - 1, and so on below.
-        put(6, k(0.315_391_57, line(3.0, z2, -1.0)));
-        put(7, k(-1.092_548_5, xz));
-        put(8, k(0.546_274_24, x2_y2));
+        s.store(&mut to[6], part, times(s, 0.315_391_57, line(s, 3.0, z2, -1.0)));
+        s.store(&mut to[7], part, times(s, -1.092_548_5, xz));
+        s.store(&mut to[8], part, times(s, 0.546_274_24, x2_y2));
         if degree < 3 {
             continue;
         }
         let three_x2_y2 = s.fma(s.splat(3.0), x2, s.sub(s.splat(0.0), y2));
         let x2_three_y2 = s.fnma(s.splat(3.0), y2, x2);
-        let five = line(5.0, z2, -1.0);
-        put(9, s.mul(k(-0.590_043_6, y), three_x2_y2));
-        put(10, s.mul(k(2.890_611_4, xy), z));
-        put(11, s.mul(k(-0.457_045_8, y), five));
-        put(12, s.mul(k(0.373_176_34, z), line(5.0, z2, -3.0)));
-        put(13, s.mul(k(-0.457_045_8, x), five));
-        put(14, s.mul(k(1.445_305_7, z), x2_y2));
-        put(15, s.mul(k(-0.590_043_6, x), x2_three_y2));
+        let five = line(s, 5.0, z2, -1.0);
+        s.store(&mut to[9], part, s.mul(times(s, -0.590_043_6, y), three_x2_y2));
+        s.store(&mut to[10], part, s.mul(times(s, 2.890_611_4, xy), z));
+        s.store(&mut to[11], part, s.mul(times(s, -0.457_045_8, y), five));
+        s.store(&mut to[12], part, s.mul(times(s, 0.373_176_34, z), line(s, 5.0, z2, -3.0)));
+        s.store(&mut to[13], part, s.mul(times(s, -0.457_045_8, x), five));
+        s.store(&mut to[14], part, s.mul(times(s, 1.445_305_7, z), x2_y2));
+        s.store(&mut to[15], part, s.mul(times(s, -0.590_043_6, x), x2_three_y2));
         if degree < 4 {
             continue;
         }
-        let seven = line(7.0, z2, -1.0);
-        let seven_three = line(7.0, z2, -3.0);
-        put(16, s.mul(k(2.503_343, xy), x2_y2));
-        put(17, s.mul(k(-1.770_130_8, yz), three_x2_y2));
-        put(18, s.mul(k(0.946_174_7, xy), seven));
-        put(19, s.mul(k(-0.669_046_54, yz), seven_three));
-        put(20, k(0.105_785_55, s.fma(z2, line(35.0, z2, -30.0), s.splat(3.0))));
-        put(21, s.mul(k(-0.669_046_54, xz), seven_three));
-        put(22, s.mul(k(0.473_087_35, x2_y2), seven));
-        put(23, s.mul(k(-1.770_130_8, xz), x2_three_y2));
+        let seven = line(s, 7.0, z2, -1.0);
+        let seven_three = line(s, 7.0, z2, -3.0);
+        s.store(&mut to[16], part, s.mul(times(s, 2.503_343, xy), x2_y2));
+        s.store(&mut to[17], part, s.mul(times(s, -1.770_130_8, yz), three_x2_y2));
+        s.store(&mut to[18], part, s.mul(times(s, 0.946_174_7, xy), seven));
+        s.store(&mut to[19], part, s.mul(times(s, -0.669_046_54, yz), seven_three));
+        s.store(&mut to[20], part, times(s, 0.105_785_55, s.fma(z2, line(s, 35.0, z2, -30.0), s.splat(3.0))));
+        s.store(&mut to[21], part, s.mul(times(s, -0.669_046_54, xz), seven_three));
+        s.store(&mut to[22], part, s.mul(times(s, 0.473_087_35, x2_y2), seven));
+        s.store(&mut to[23], part, s.mul(times(s, -1.770_130_8, xz), x2_three_y2));
         let fours = s.fma(x2, x2_three_y2, s.mul(s.sub(s.splat(0.0), y2), three_x2_y2));
-        put(24, k(0.625_835_74, fours));
+        s.store(&mut to[24], part, times(s, 0.625_835_74, fours));
     }
+}
+
+#[inline(always)]
+fn times<S: Simd>(s: S, c: f32, v: S::F) -> S::F {
+    s.mul(s.splat(c), v)
+}
+
+/// `a * v + b`
+#[inline(always)]
+fn line<S: Simd>(s: S, a: f32, v: S::F, b: f32) -> S::F {
+    s.fma(s.splat(a), v, s.splat(b))
 }
 
 /// `max(0, 0.5 + sum_k c_k Y_k)` per channel for lane `i`.
@@ -427,8 +479,10 @@ fn blend_harmonics(harmonics: &[Group<f32>; 25], i: usize, sh: &[f32], coefficie
         }
     }
     // Written so that NaN becomes 0; an infinity would spoil pixels that the splat has weight 0 in.
-    [0, 1, 2].map(|c| {
+    let mut color = [0.0; 3];
+    for c in 0..3 {
         let v = sum[0][c] + sum[1][c];
-        if v > 0.0 { v.min(f32::MAX) } else { 0.0 }
-    })
+        color[c] = if v > 0.0 { v.min(f32::MAX) } else { 0.0 };
+    }
+    color
 }

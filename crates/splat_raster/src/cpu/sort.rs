@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use super::project::Block;
 use super::shared::Shared;
+use super::timings::Watch;
 
 /// Widest digit of the radix sort: 2048 counters stay in the first-level cache.
 const DIGIT: u32 = 11;
@@ -53,7 +54,7 @@ pub(super) fn workers_for(count: usize) -> usize {
 
 impl Sorter {
     /// Sorts the keys of all blocks.
-    pub(super) fn sort(&mut self, keys: &[u64], blocks: &[Block]) -> &[u64] {
+    pub(super) fn sort(&mut self, keys: &[u64], blocks: &[Block], watch: &Watch) -> &[u64] {
         let count: usize = blocks.iter().map(|b| b.count as usize).sum();
         self.front.resize(count, 0);
         self.back.resize(count, 0);
@@ -72,7 +73,7 @@ impl Sorter {
                 0 => Source::Blocks(keys, blocks, &self.cuts),
                 _ => Source::Dense(from, workers),
             };
-            scatter(source, workers, least, pass * digit, digit, &mut self.counters, to);
+            scatter(source, workers, least, pass * digit, digit, &mut self.counters, to, watch);
             std::mem::swap(&mut self.front, &mut self.back);
         }
         &self.back
@@ -108,16 +109,19 @@ fn scatter(
     width: u32,
     counters: &mut Vec<u32>,
     to: &mut [u64],
+    watch: &Watch,
 ) {
     let values = 1usize << width;
     let digit = |key: u64| (((key >> 32) as u32).wrapping_sub(least) >> shift) as usize & (values - 1);
     counters.clear();
     counters.resize(workers * values, 0);
     counters.par_chunks_mut(values).enumerate().for_each(|(worker, counters)| {
-        source.each(worker, |keys| {
-            for &key in keys {
-                counters[digit(key)] += 1;
-            }
+        watch.work(|| {
+            source.each(worker, |keys| {
+                for &key in keys {
+                    counters[digit(key)] += 1;
+                }
+            });
         });
     });
     let mut sum = 0;
@@ -130,14 +134,16 @@ fn scatter(
     assert_eq!(sum as usize, to.len(), "every key has a place");
     let to = Shared::new(to);
     counters.par_chunks_mut(values).enumerate().for_each(|(worker, counters)| {
-        source.each(worker, |keys| {
-            for &key in keys {
-                let place = &mut counters[digit(key)];
-                // SAFETY: the counters start at prefix sums of what each worker has of each digit, counted above over
-                // the same keys, so that no two keys share a place and all places are below the total.
-                unsafe { to.write(*place as usize, key) };
-                *place += 1;
-            }
+        watch.work(|| {
+            source.each(worker, |keys| {
+                for &key in keys {
+                    let place = &mut counters[digit(key)];
+                    // SAFETY: the counters start at prefix sums of what each worker has of each digit, counted above over
+                    // the same keys, so that no two keys share a place and all places are below the total.
+                    unsafe { to.write(*place as usize, key) };
+                    *place += 1;
+                }
+            });
         });
     });
 }

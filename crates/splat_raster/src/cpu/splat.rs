@@ -64,11 +64,10 @@ impl<S: Simd> Shape<S> {
     #[inline(always)]
     pub(super) fn touches(&self, s: S, x0: S::F, y0: S::F, x1: S::F, y1: S::F) -> u32 {
         let zero = s.splat(0.0);
-        let clamp = |x, low, high| s.min(s.max(x, low), high);
         // The least distance is on one of the (at most two) edges that face the mean, or 0 inside.
-        let (x, y) = (clamp(zero, x0, x1), clamp(zero, y0, y1));
-        let on_column = self.distance(s, x, clamp(s.mul(x, self.lean), y0, y1));
-        let on_row = self.distance(s, clamp(s.mul(y, self.shear), x0, x1), y);
+        let (x, y) = (clamp(s, zero, x0, x1), clamp(s, zero, y0, y1));
+        let on_column = self.distance(s, x, clamp(s, s.mul(x, self.lean), y0, y1));
+        let on_row = self.distance(s, clamp(s, s.mul(y, self.shear), x0, x1), y);
         s.bits(s.ge(self.reach, s.min(on_column, on_row)))
     }
 
@@ -78,6 +77,11 @@ impl<S: Simd> Shape<S> {
         let f = s.mul(self.across, dy);
         s.fma(e, e, s.mul(f, f))
     }
+}
+
+#[inline(always)]
+fn clamp<S: Simd>(s: S, x: S::F, low: S::F, high: S::F) -> S::F {
+    s.min(s.max(x, low), high)
 }
 
 /// Which tiles a splat reaches, in one word: first tile across (11 bits) and down (11) and tiles across (5 bits) of
@@ -98,7 +102,8 @@ impl Cover {
     /// Finds the tiles of a splat, by [`Splat::tiles`].
     #[inline(always)]
     pub(super) fn of<S: Simd>(s: S, splat: &Splat) -> Self {
-        let [x0, x1, y0, y1] = splat.tiles.map(u32::from);
+        let t = splat.tiles;
+        let (x0, x1, y0, y1) = (u32::from(t[0]), u32::from(t[1]), u32::from(t[2]), u32::from(t[3]));
         let (across, down) = (x1 - x0 + 1, y1 - y0 + 1);
         let tiles = across * down;
         if (across == 1 || down == 1) && tiles < 32 {
