@@ -29,21 +29,22 @@ pub struct Change {
 }
 
 /// Number of signs the score of a change is made of.
-pub const CHANGE_SIGNS: usize = 11;
+pub const CHANGE_SIGNS: usize = 12;
 
 /// Weight of each sign.
 pub const CHANGE_WEIGHTS: [(&str, f32); CHANGE_SIGNS] = [
-    ("central", 2.397),
-    ("size", -0.426),
-    ("edge_gain", 0.648),
-    ("shape_gain", -0.358),
-    ("length_gain", -0.239),
-    ("reach", 2.442),
-    ("excess", -2.822),
-    ("bulk", 0.000),
-    ("border_gain", 0.0),
-    ("area", 0.0),
-    ("agreement", 0.0),
+    ("central", 6.087),
+    ("size", 0.500),
+    ("edge_gain", 0.640),
+    ("shape_gain", 1.590),
+    ("length_gain", 1.263),
+    ("reach", -1.305),
+    ("excess", -2.220),
+    ("bulk", -0.083),
+    ("border_gain", -1.520),
+    ("area", -0.211),
+    ("persistence", 0.563),
+    ("near", 0.488),
 ];
 
 /// A selection that grows and shrinks by clicks. Patches first, single Gaussians where a click concerns a sliver.
@@ -59,6 +60,14 @@ pub struct ClickState {
 
 /// Within this distance of the silhouette, in pixels of the view, an error is a sliver: only single Gaussians change.
 const SLIVER: f32 = 5.0;
+
+/// A change that scores less is not made; the click then changes what is right under it.
+const SURE: f32 = 1.85;
+/// A change may be taken whole, or only as far from the click as these many radii of the error.
+const REACHES: [f32; 3] = [f32::INFINITY, 8.0, 3.0];
+
+/// Nobody clicks the middle of an error to mean one that is this many squared radii large.
+const ERROR_AREA: f32 = 32.0;
 
 impl ClickState {
     /// Starts from a set of patches that a click on `patch` chose.
@@ -92,10 +101,12 @@ impl ClickState {
         }
         let changes = self.changes(prepared, look, at, patch, kind, radius);
         let best = changes.into_iter().max_by(|a, b| a.score.total_cmp(&b.score));
-        if let Some(change) = best.filter(|c| c.score > 1.52) {
+        if let Some(change) = best.filter(|c| c.score > SURE) {
             let mode = if wanted { SelectMode::Add } else { SelectMode::Subtract };
             self.patches.apply(mode, &change.patches);
             self.single.retain(|&(i, _)| !change.patches.contains(prepared.graph.of[i as usize] as usize));
+        } else {
+            self.flip_near(prepared, look, at, radius, patch, wanted);
         }
         self.settled.push((patch, kind));
     }
@@ -140,48 +151,66 @@ impl ClickState {
         let own_mass = masses(&self.patches).max(1e-3);
         let mut seen: Vec<Selection> = Vec::new();
         let mut out = Vec::new();
+        // The error's radius in scene units, at the depth of the click.
+        let center = prepared.graph.patches[patch as usize].center;
+        let depth = look.view.to_view(center).z.max(look.view.near);
+        let unit = look.view.unproject(Vec2::new(1.0, 0.0), depth) - look.view.unproject(Vec2::ZERO, depth);
+        let radius_3d = radius * unit.length();
         for tree in &prepared.trees {
             for node in tree.ancestors(patch) {
                 let inside = tree.patches(node);
                 if self.settled.iter().any(|&(p, k)| k != kind && inside.contains(&p)) {
                     break;
                 }
-                let change = Selection::from_ids(
-                    prepared.patch_count(),
-                    inside.iter().copied().filter(|&p| self.patches.contains(p as usize) != wanted),
-                );
-                if seen.contains(&change) {
-                    continue;
+                for reach in REACHES {
+                    let near = |p: u32| {
+                        p == patch
+                            || prepared.graph.patches[p as usize].center.distance(center) <= reach * radius_3d
+                    };
+                    let change = Selection::from_ids(
+                        prepared.patch_count(),
+                        inside.iter().copied().filter(|&p| self.patches.contains(p as usize) != wanted && near(p)),
+                    );
+                    if seen.contains(&change) {
+                        continue;
+                    }
+                    let mut after = self.patches.clone();
+                    after.apply(if wanted { SelectMode::Add } else { SelectMode::Subtract }, &change);
+                    if after.count() == 0 {
+                        continue;
+                    }
+                    let quality = Quality::of(prepared, &after);
+                    let shown: Vec<bool> =
+                        look.patch.iter().map(|&p| p != Look::NOTHING && change.contains(p as usize)).collect();
+                    let step = look.step as f32;
+                    let area = shown.iter().filter(|&&x| x).count() as f32 * step * step;
+                    if area > ERROR_AREA * radius * radius {
+                        continue;
+                    }
+                    let distance = inside_distance(&shown, look.width, look.height);
+                    let most = distance.iter().copied().fold(0.0, f32::max);
+                    let (here, most) = (distance[pixel].min(1e5), most.min(1e5));
+                    let mass = masses(&change);
+                    let node = &tree.nodes[node as usize];
+                    let parent = &tree.nodes[node.parent as usize];
+                    let signs = [
+                        here / most.max(1.0),
+                        (mass / own_mass).max(1e-6).ln(),
+                        quality.edge - before.edge,
+                        quality.shape - before.shape,
+                        quality.length - before.length,
+                        ((here * step + 1.0) / (radius + 1.0)).min(2.0),
+                        ((most * step + 1.0) / (radius + 1.0)).ln().max(0.0),
+                        (mass / own_mass - 1.0).max(0.0),
+                        quality.weakness - before.weakness,
+                        ((area + 1.0) / (3.15 * radius * radius + 1.0)).ln(),
+                        ((parent.height + 1e-3) / (node.height + 1e-3)).ln().min(3.0),
+                        if reach.is_finite() { 1.0 } else { 0.0 },
+                    ];
+                    let score = signs.iter().zip(&CHANGE_WEIGHTS).map(|(s, (_, w))| s * w).sum();
+                    seen.push(change.clone());
+                    out.push(Change { patches: change, score, signs });
                 }
-                let mut after = self.patches.clone();
-                after.apply(if wanted { SelectMode::Add } else { SelectMode::Subtract }, &change);
-                if after.count() == 0 {
-                    break;
-                }
-                let quality = Quality::of(prepared, &after);
-                let shown: Vec<bool> =
-                    look.patch.iter().map(|&p| p != Look::NOTHING && change.contains(p as usize)).collect();
-                let distance = inside_distance(&shown, look.width, look.height);
-                let most = distance.iter().copied().fold(0.0, f32::max);
-                let step = look.step as f32;
-                let (here, most) = (distance[pixel].min(1e5), most.min(1e5));
-                let mass = masses(&change);
-                let signs = [
-                    here / most.max(1.0),
-                    (mass / own_mass).max(1e-6).ln(),
-                    quality.edge - before.edge,
-                    quality.shape - before.shape,
-                    quality.length - before.length,
-                    ((here * step + 1.0) / (radius + 1.0)).min(2.0),
-                    ((most * step + 1.0) / (radius + 1.0)).ln().max(0.0),
-                    (mass / own_mass - 1.0).max(0.0),
-                    quality.weakness - before.weakness,
-                    ((shown.iter().filter(|&&x| x).count() as f32 * step * step + 1.0) / (3.15 * radius * radius + 1.0)).ln(),
-                    ((prepared.trees[0].nodes[0].height + 1e-3) * 0.0) + ((tree.nodes[tree.nodes[node as usize].parent as usize].height + 1e-3) / (tree.nodes[node as usize].height + 1e-3)).ln().min(3.0),
-                ];
-                let score = signs.iter().zip(&CHANGE_WEIGHTS).map(|(s, (_, w))| s * w).sum();
-                seen.push(change.clone());
-                out.push(Change { patches: change, score, signs });
             }
         }
         out

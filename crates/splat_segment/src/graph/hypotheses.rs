@@ -34,22 +34,25 @@ pub struct Hypotheses {
 }
 
 /// Number of signs a score is made of.
-pub const SIGNS: usize = 12;
+pub const SIGNS: usize = 15;
 
 /// Weight, mean and spread of each sign.
 pub const WEIGHTS: [(&str, f32, f32, f32); SIGNS] = [
-    ("mass", -0.681, -3.311, 2.142),
-    ("mass_fit", 0.298, -4.685, 5.896),
-    ("edge_strength", 0.482, -0.547, 0.743),
-    ("shape_strength", 0.208, -1.074, 0.768),
-    ("border_length", 0.112, 2.969, 1.504),
-    ("persistence", 0.012, 0.235, 0.354),
-    ("agreement", 0.465, 0.810, 0.164),
-    ("central", 1.334, 0.462, 0.275),
-    ("picture_edge", -0.347, 0.127, 0.190),
-    ("raggedness", 0.044, 3.980, 1.537),
-    ("free", 0.847, 0.381, 0.288),
-    ("occluded", 0.202, 0.118, 0.178),
+    ("mass", -0.816, -3.311, 2.142),
+    ("mass_fit", -0.019, -4.685, 5.896),
+    ("edge_strength", 0.870, -0.547, 0.743),
+    ("shape_strength", 0.169, -1.074, 0.768),
+    ("border_length", 0.048, 2.969, 1.504),
+    ("persistence", 0.008, 0.235, 0.354),
+    ("agreement", 0.347, 0.810, 0.164),
+    ("central", 1.271, 0.467, 0.276),
+    ("picture_edge", 0.279, 0.123, 0.187),
+    ("raggedness", -0.010, 3.951, 1.512),
+    ("free", 0.624, 0.372, 0.292),
+    ("occluded", 0.104, 0.121, 0.179),
+    ("area", -0.224, -2.726, 1.687),
+    ("area_fit", 0.622, -2.922, 3.396),
+    ("solidity", -0.288, -1.551, 2.103),
 ];
 
 /// Proposals overlap less than this (Jaccard index by mass).
@@ -104,6 +107,8 @@ impl Prepared {
                     .sum::<f32>()
                     / (chains.len() - 1).max(1) as f32;
                 let o = &outlines[t][l];
+                let seen_share = ((o.area + 1.0) / look.patch.len() as f32).ln();
+                let (central, most) = centrality(look, chain, l as u16, pixel);
                 let signs = [
                     share,
                     -(share + 3.0).powi(2),
@@ -112,11 +117,14 @@ impl Prepared {
                     ((count + 1.0) / (node.count as f32).sqrt()).ln(),
                     ((parent.height + 1e-3) / (node.height + 1e-3)).ln().min(3.0),
                     agreement,
-                    centrality(look, chain, l as u16, pixel),
+                    central,
                     o.picture_edge / (o.length + o.picture_edge + 1.0),
                     (o.length * o.length / o.area.max(1.0)).max(1e-3).ln(),
                     o.free / (o.length + 1.0),
                     o.occluded / (o.length + 1.0),
+                    seen_share,
+                    -(seen_share + 3.0).powi(2),
+                    (most * most / o.area.max(1.0) + 1e-3).ln(),
                 ];
                 let score = signs.iter().zip(&WEIGHTS).map(|(s, (_, w, mean, spread))| w * (s - mean) / spread).sum();
                 let patches = Selection::from_fn(self.patch_count(), |p| chain.level[p] as usize <= l);
@@ -255,14 +263,15 @@ fn outlines(look: &Look, chain: &Chain) -> Vec<Outline> {
         .collect()
 }
 
-/// How central the clicked pixel is in the node's silhouette: its distance to the outline over the largest one.
+/// How central the clicked pixel is in the node's silhouette: its distance to the outline over the largest one,
+/// and that largest one in pixels of the small picture.
 /// People click the middle of what they mean.
-fn centrality(look: &Look, chain: &Chain, level: u16, pixel: usize) -> f32 {
+fn centrality(look: &Look, chain: &Chain, level: u16, pixel: usize) -> (f32, f32) {
     let inside: Vec<bool> =
         look.patch.iter().map(|&p| p != Look::NOTHING && chain.level[p as usize] <= level).collect();
     let distance = inside_distance(&inside, look.width, look.height);
     let most = distance.iter().copied().fold(0.0, f32::max);
-    distance[pixel] / most.max(1.0)
+    (distance[pixel] / most.max(1.0), most)
 }
 
 /// Masses of all nodes of all chains and of their intersections.

@@ -1,5 +1,6 @@
 //! From a few clicks to a thing, by the capture's own structure.
 
+pub mod boxes;
 pub mod clicks;
 pub mod cut;
 pub mod edges;
