@@ -13,6 +13,9 @@ const LOW_PASS: f32 = 0.3;
 /// thousand million pixels is as flat as one of more.
 const LARGEST_VARIANCE: f32 = 1e18;
 
+/// No colour is brighter: an infinity would spoil pixels that its splat has weight 0 in.
+const BRIGHTEST: f32 = 1e6;
+
 /// One instance seen from one view, in the numbers that the kernel needs.
 pub(super) struct Setup<'a> {
     cloud: &'a Cloud,
@@ -478,11 +481,11 @@ fn blend_harmonics(harmonics: &[Group<f32>; 25], i: usize, sh: &[f32], coefficie
             sum[k & 1][c] += y * sh[3 * k + c];
         }
     }
-    // Written so that NaN becomes 0; an infinity would spoil pixels that the splat has weight 0 in.
+    // Written so that NaN becomes 0.
     let mut color = [0.0; 3];
     for c in 0..3 {
         let v = sum[0][c] + sum[1][c];
-        color[c] = if v > 0.0 { v.min(f32::MAX) } else { 0.0 };
+        color[c] = if v > 0.0 { v.min(BRIGHTEST) } else { 0.0 };
     }
     color
 }
