@@ -47,7 +47,7 @@ pub(crate) struct Orbit {
     pub(crate) yaw: f32,
     /// Angle above the horizon, in radians.
     pub(crate) pitch: f32,
-    /// Distance from the middle, in scene units; `None` for one that shows nine tenths of the capture.
+    /// Distance from the middle, in scene units; `None` for one that shows the bulk of the capture.
     pub(crate) distance: Option<f32>,
 }
 
@@ -194,12 +194,9 @@ pub(crate) fn up_of(cloud: &Cloud) -> Vec3 {
 
 /// A view on a sphere about the middle of the capture.
 pub(crate) fn orbit_view(cloud: &Cloud, orbit: &Orbit, up: Vec3, fov: Option<f32>, width: u32, height: u32) -> View {
-    let (center, radius) = robust_bounds(cloud).map_or((Vec3::ZERO, 1.0), |b| (b.center, b.radius));
+    let (min, max) = robust_bounds(cloud).map_or((Vec3::NEG_ONE, Vec3::ONE), |b| (b.min, b.max));
+    let center = 0.5 * (min + max);
     let fov_y = fov.unwrap_or(FOV_Y);
-    // A sphere is seen under the angle whose sine is radius / distance; the narrower side of the picture decides.
-    let half_y = 0.5 * fov_y;
-    let half_x = (half_y.tan() * width as f32 / height as f32).atan();
-    let distance = orbit.distance.unwrap_or(1.05 * radius / half_x.min(half_y).sin());
     let frame = horizon(up);
     let (sin_yaw, cos_yaw) = orbit.yaw.sin_cos();
     let (sin_pitch, cos_pitch) = orbit.pitch.sin_cos();
@@ -207,7 +204,21 @@ pub(crate) fn orbit_view(cloud: &Cloud, orbit: &Orbit, up: Vec3, fov: Option<f32
     let eye = frame * Vec3::new(cos_pitch * sin_yaw, sin_pitch, cos_pitch * cos_yaw);
     // At the poles the picture's top is where the horizon's forward (from above) would be.
     let top = frame * Vec3::new(-sin_pitch * sin_yaw, cos_pitch, -sin_pitch * cos_yaw);
-    let pose = Pose::look_at(center + distance * eye, center, top);
+    let pose = Pose::look_at(center + eye, center, top);
+    let distance = orbit.distance.unwrap_or_else(|| {
+        // Every corner of the bulk's box inside the picture, with a rim of a twentieth.
+        let axes = pose.world_from_view.transpose();
+        let tan_y = 0.95 * (0.5 * fov_y).tan();
+        let tan_x = tan_y * width as f32 / height as f32;
+        let corners =
+            (0..8).map(|k| Vec3::new([min.x, max.x][k & 1], [min.y, max.y][k >> 1 & 1], [min.z, max.z][k >> 2]));
+        let needed = corners.map(|corner| {
+            let c = axes * (corner - center);
+            (c.x.abs() / tan_x).max(c.y.abs() / tan_y) - c.z
+        });
+        needed.fold(1e-6, f32::max)
+    });
+    let pose = Pose { position: center + distance * eye, ..pose };
     let view = View::perspective(pose, fov_y, width, height);
     // A near plane fit for the scene's size: a capture of a coin is not cut, one of a town has no fog in the lens.
     View { near: view.near.min(1e-3 * distance), ..view }

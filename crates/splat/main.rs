@@ -70,6 +70,7 @@ fn program() -> clap::Command {
                 .short('q')
                 .global(true)
                 .action(ArgAction::SetTrue)
+                .help_heading("Everywhere")
                 .help("Say nothing but the report and errors; no progress"),
         )
         .arg(
@@ -77,6 +78,7 @@ fn program() -> clap::Command {
                 .long("json")
                 .global(true)
                 .action(ArgAction::SetTrue)
+                .help_heading("Everywhere")
                 .help("Report as JSON on standard output"),
         )
         .arg(
@@ -85,6 +87,7 @@ fn program() -> clap::Command {
                 .global(true)
                 .value_name("N")
                 .value_parser(value_parser!(u16).range(1..=1024))
+                .help_heading("Everywhere")
                 .help("Threads to work with [default: one per core]"),
         );
     COMMANDS.iter().fold(program, |program, command| program.subcommand(command.arguments()))

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use crate::{Cloud, Selection, Similarity};
 
 /// Neighbouring variances closer than this ratio do not tell their directions apart.
-const AMBIGUOUS: f64 = 1.1;
+const AMBIGUOUS: f32 = 1.1;
 /// Sets smaller than this count the extent of each Gaussian too: means alone may lie on a line or in a plane.
 const SMALL: usize = 1000;
 /// A plane with this share of the best one's area could be the floor as well.
@@ -38,12 +38,12 @@ pub struct PrincipalAxes {
 impl PrincipalAxes {
     /// Whether the first two directions could as well be any others in their plane (the set is round seen along the third).
     pub fn first_two_ambiguous(&self) -> bool {
-        !(f64::from(self.variances[0]) > AMBIGUOUS * f64::from(self.variances[1]))
+        self.variances[0] <= AMBIGUOUS * self.variances[1]
     }
 
     /// Whether the last two directions could as well be any others in their plane (the set is round seen along the first).
     pub fn last_two_ambiguous(&self) -> bool {
-        !(f64::from(self.variances[1]) > AMBIGUOUS * f64::from(self.variances[2]))
+        self.variances[1] <= AMBIGUOUS * self.variances[2]
     }
 
     /// Least variance over middle one, 0..=1: near 0 for a sheet, above 0.5 there is no flat direction.

@@ -24,7 +24,7 @@ use crate::camera::{self, PictureOptions};
 use crate::capture::{Capture, write_selection};
 use crate::failure::Failure;
 use crate::paint;
-use crate::terminal::{Terminal, gaussians};
+use crate::terminal::{Terminal, gaussians, grouped};
 
 pub(crate) const COMMAND: Command = Command {
     name: "select",
@@ -87,7 +87,10 @@ fn run(options: &Options, steps: &[Step], terminal: &Terminal) -> Result<(), Fai
     for (k, step) in steps.iter().enumerate() {
         working.at(k as u64);
         let meant = work.take(step)?;
-        told.push(StepReport { step: step.text.clone(), meant, selected: work.selection.count() });
+        // Looking from elsewhere selects nothing.
+        if !matches!(step.act, Act::Stand(_)) {
+            told.push(StepReport { step: step.text.clone(), meant, selected: work.selection.count() });
+        }
     }
     drop(working);
     let selected = work.selection.count();
@@ -239,10 +242,10 @@ pub(super) fn overlay(
 impl Report {
     fn text(&self) -> String {
         let step = |s: &StepReport| {
-            let meant = s.meant.map_or(String::new(), |n| format!(" means {},", gaussians(n)));
-            format!("{}:{meant} selected {}\n", s.step, gaussians(s.selected))
+            let meant = s.meant.map_or(String::new(), |n| format!(" means {},", grouped(n)));
+            format!("{}:{meant} selected {}\n", s.step, grouped(s.selected))
         };
         let steps: String = self.steps.iter().map(step).collect();
-        format!("{steps}{} of {} selected", gaussians(self.selected), gaussians(self.gaussians))
+        format!("{steps}{} of {} selected", grouped(self.selected), gaussians(self.gaussians))
     }
 }

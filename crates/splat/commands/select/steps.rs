@@ -75,9 +75,9 @@ static ORDERED: &[Ordered] = &[
     ("mask", "PNG", "The white pixels of a picture of the view's size", |t| Ok(shape(Shape::Mask(PathBuf::from(t))))),
     (
         "value",
-        "NAME<NUMBER",
-        "Gaussians by a value, with < <= > >= = or !=: opacity, scale, volume, x, y, z, red, green, blue, radius \
-      (from the middle) or an extra property",
+        "TEST",
+        "Gaussians by a value, for example \"opacity<0.1\", with < <= > >= = or !=: opacity, scale, volume, x, y, z, \
+         red, green, blue, radius (from the middle) or an extra property",
         |t| Ok(Item::Act(Act::Value(t.parse()?))),
     ),
     (
