@@ -13,8 +13,10 @@ use super::timings::Watch;
 const LARGEST_ROUND: u64 = 1 << 27;
 
 /// Lists of ids per tile.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Bins {
+    /// Entries that are kept at once, at least those of one tile.
+    pub(super) largest_round: u64,
     /// Covers in order of depth.
     covers: Vec<Cover>,
     /// Per worker and tile: entries, then where the next one goes.
@@ -75,6 +77,22 @@ impl Binning<'_> {
     }
 }
 
+impl Default for Bins {
+    fn default() -> Self {
+        Self {
+            largest_round: LARGEST_ROUND,
+            covers: Vec::new(),
+            counters: Vec::new(),
+            counts: Vec::new(),
+            starts: Vec::new(),
+            ids: Vec::new(),
+            order: Vec::new(),
+            round: 0..0,
+            workers: 1,
+        }
+    }
+}
+
 impl Bins {
     /// Counts the entries of all tiles and fills the lists of the first round.
     pub(super) fn start(&mut self, binning: Binning, watch: &Watch) {
@@ -115,7 +133,7 @@ impl Bins {
         let mut sum = 0u64;
         self.starts.clear();
         let mut end = first;
-        while end < tiles && (end == first || sum + u64::from(self.counts[end]) <= LARGEST_ROUND) {
+        while end < tiles && (end == first || sum + u64::from(self.counts[end]) <= self.largest_round) {
             self.starts.push(sum as u32);
             let mut place = sum as u32;
             for worker in 0..self.workers {

@@ -52,15 +52,17 @@ pub struct CpuRasterizer {
     sorter: Sorter,
     bins: Bins,
     pixels: Vec<Mutex<Pixels>>,
-    last: Option<Key>,
+    /// What the lists were made for, while `fresh`.
+    key: Key,
+    fresh: bool,
     timings: Timings,
 }
 
 /// What the tile lists depend on.
-#[derive(PartialEq)]
+#[derive(Default)]
 struct Key {
     instances: Vec<InstanceKey>,
-    view: View,
+    view: Option<View>,
     color: bool,
 }
 
@@ -71,21 +73,10 @@ struct InstanceKey {
     transform: Similarity,
 }
 
-impl PartialEq for InstanceKey {
-    fn eq(&self, other: &Self) -> bool {
-        let hidden = match (&self.hidden, &other.hidden) {
-            (None, None) => true,
-            (Some(a), Some(b)) => a.ptr_eq(b),
-            _ => false,
-        };
-        hidden && self.cloud.ptr_eq(&other.cloud) && self.transform == other.transform
-    }
-}
-
 impl Key {
     /// Whether lists made for this serve `scene` from `view`.
     fn serves(&self, scene: &Scene, view: &View, color: bool) -> bool {
-        self.view == *view
+        self.view == Some(*view)
             && (self.color || !color)
             && self.instances.len() == scene.instances.len()
             && self.instances.iter().zip(&scene.instances).all(|(key, instance)| {
@@ -105,7 +96,7 @@ impl Key {
             hidden: i.hidden.as_ref().map(Arc::downgrade),
             transform: i.transform,
         }));
-        (self.view, self.color) = (*view, color);
+        (self.view, self.color) = (Some(*view), color);
     }
 }
 
@@ -138,7 +129,8 @@ impl CpuRasterizer {
             sorter: Sorter::default(),
             bins: Bins::default(),
             pixels: Vec::new(),
-            last: None,
+            key: Key::default(),
+            fresh: false,
             timings: Timings::default(),
         }
     }
@@ -195,14 +187,7 @@ impl CpuRasterizer {
         };
         self.bins.start(binning, &watch);
         self.timings.bin = watch.read();
-        match &mut self.last {
-            Some(key) => key.set(scene, view, color),
-            none => {
-                let mut key = Key { instances: Vec::new(), view: *view, color };
-                key.set(scene, view, color);
-                *none = Some(key);
-            }
-        }
+        self.key.set(scene, view, color);
     }
 
     /// Stage 4 for the tiles whose lists are there.
@@ -231,8 +216,8 @@ impl Rasterizer for CpuRasterizer {
     fn draw(&mut self, scene: &Scene, view: &View, outputs: &Outputs, frame: &mut Frame) -> Result<(), RasterError> {
         check(scene, view, outputs)?;
         self.timings = Timings::default();
-        if !self.last.as_ref().is_some_and(|key| key.serves(scene, view, outputs.color)) {
-            self.last = None;
+        if !(self.fresh && self.key.serves(scene, view, outputs.color)) {
+            self.fresh = false;
             self.prepare(scene, view, outputs.color);
         }
         let watch = Watch::start();
@@ -251,7 +236,8 @@ impl Rasterizer for CpuRasterizer {
         let canvas = Canvas::new(frame);
         let request = Request { splats: &self.splats, size: (width, height), outputs, sums, canvas: &canvas };
         self.blend(request, across, &watch);
-        let rounds = !self.bins.done();
+        // After several rounds only the lists of the last one are left.
+        self.fresh = self.bins.done();
         while !self.bins.done() {
             self.bins.fill(
                 Binning {
@@ -263,9 +249,6 @@ impl Rasterizer for CpuRasterizer {
                 &watch,
             );
             self.blend(request, across, &watch);
-        }
-        if rounds {
-            self.last = None;
         }
         drop(inside);
         votes.inside.par_iter_mut().for_each(|sums| {
@@ -315,4 +298,38 @@ fn check(scene: &Scene, view: &View, outputs: &Outputs) -> Result<(), RasterErro
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use splat_core::glam::{Mat3, Quat, Vec3};
+    use splat_core::{CloudArrays, Pose};
+
+    use super::*;
+
+    #[test]
+    fn a_frame_in_many_rounds_of_tiles_equals_one_in_a_single_round() {
+        let count = 2000;
+        let noise = |i: usize, k: usize| ((i * 7919 + k * 104_729) % 1000) as f32 / 500.0 - 1.0;
+        let cloud = Cloud::new(CloudArrays {
+            means: (0..count).map(|i| Vec3::new(noise(i, 1), noise(i, 2), 3.0 + noise(i, 3))).collect(),
+            log_scales: (0..count).map(|i| Vec3::splat(-3.0 + noise(i, 4))).collect(),
+            rotations: vec![Quat::IDENTITY; count],
+            opacity_logits: (0..count).map(|i| noise(i, 5)).collect(),
+            sh: (0..3 * count).map(|i| noise(i, 6)).collect(),
+            ..CloudArrays::default()
+        })
+        .unwrap();
+        let scene = Scene::of(Arc::new(cloud));
+        let pose = Pose { world_from_view: Mat3::IDENTITY, position: Vec3::ZERO };
+        let view = View::perspective(pose, 0.9, 200, 150);
+        let whole = CpuRasterizer::new().render(&scene, &view).unwrap();
+        for largest in [1, 500, 20_000] {
+            let mut rasterizer = CpuRasterizer::new();
+            rasterizer.bins.largest_round = largest;
+            for _ in 0..2 {
+                assert_eq!(rasterizer.render(&scene, &view).unwrap(), whole, "rounds of {largest} entries");
+            }
+        }
+    }
 }

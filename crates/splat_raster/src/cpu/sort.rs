@@ -147,3 +147,39 @@ fn scatter(
         });
     });
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn keys_are_sorted_by_depth_and_then_by_id_whatever_their_spread() {
+        let mut random = 1u64;
+        let mut next = || {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (random >> 33) as u32
+        };
+        let mut sorter = Sorter::default();
+        for (count, least, spread) in [(0, 0, 1), (1, 7, 1), (5000, 9, 1), (100_000, 1000, 50), (70_000, 0, u32::MAX)] {
+            let (mut keys, mut blocks, mut all) = (Vec::new(), Vec::new(), Vec::new());
+            while all.len() < count {
+                let start = keys.len();
+                let mut block = Block { start: start as u32, ..Block::default() };
+                // Blocks are not full: what is between them must not be read.
+                for k in 0..100.min(count - all.len()) {
+                    let depth = least + next() % spread;
+                    block.depths = (block.depths.0.min(depth), block.depths.1.max(depth));
+                    block.count += 1;
+                    let key = u64::from(depth) << 32 | (start + k) as u64;
+                    keys.push(key);
+                    all.push(key);
+                }
+                keys.resize(start + 128, u64::MAX);
+                blocks.push(block);
+            }
+            all.sort_unstable();
+            assert_eq!(sorter.sort(&keys, &blocks, &Watch::start()), all);
+            assert_eq!(sorter.sorted(), all);
+        }
+    }
+}

@@ -210,3 +210,87 @@ static GRIDS: [[[Group<f32>; 2]; 2]; 32] = {
     }
     grids
 };
+
+#[cfg(test)]
+mod tests {
+    use super::super::simd::{InstructionSet, Kernel};
+    use super::*;
+
+    struct CoverOf(Splat);
+
+    impl Kernel for CoverOf {
+        type Output = Cover;
+
+        #[inline(always)]
+        fn run<S: Simd>(self, s: S) -> Cover {
+            Cover::of(s, &self.0)
+        }
+    }
+
+    /// A splat of covariance (a b; b c) in a picture of 40 x 30 tiles; none where its box is outside.
+    fn splat(mean: [f32; 2], [a, b, c]: [f32; 3], opacity: f32) -> Option<Splat> {
+        let half_log2_e = 0.5 * std::f32::consts::LOG2_E;
+        let k = 2.0 * (255.0 * opacity).ln();
+        let first = |m: f32, v: f32| ((m - (k * v).sqrt() - 0.5) / TILE as f32).floor().max(0.0) as u16;
+        let last = |m: f32, v: f32, n: f32| ((m + (k * v).sqrt() - 0.5) / TILE as f32).floor().clamp(0.0, n) as u16;
+        let tiles = [first(mean[0], a), last(mean[0], a, 39.0), first(mean[1], c), last(mean[1], c, 29.0)];
+        (tiles[0] <= tiles[1] && tiles[2] <= tiles[3]).then(|| Splat {
+            mean,
+            along: (half_log2_e * c / (a * c - b * b)).sqrt(),
+            shear: b / c,
+            across: (half_log2_e / c).sqrt(),
+            lean: b / a,
+            level: opacity.log2(),
+            tiles,
+            ..Splat::default()
+        })
+    }
+
+    #[test]
+    fn covers_have_every_tile_with_a_pixel_that_counts_and_few_others() {
+        let mut random = 5u64;
+        let mut next = |low: f32, high: f32| {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            low + (random >> 40) as f32 / (1u64 << 24) as f32 * (high - low)
+        };
+        let (mut needed, mut listed) = (0, 0);
+        for n in 0..400 {
+            let mean = [next(-40.0, 680.0), next(-40.0, 520.0)];
+            let (long, short) = (next(0.3, 12.0).powi(2), next(0.3, 3.0).powi(2));
+            let (sin, cos) = next(0.0, 3.2).sin_cos();
+            let scale = if n % 4 == 0 { 40.0 } else { 1.0 };
+            let a = scale * (long * cos * cos + short * sin * sin);
+            let c = scale * (long * sin * sin + short * cos * cos);
+            let b = scale * (long - short) * sin * cos;
+            let opacity = next(0.01, 1.0);
+            let Some(splat) = splat(mean, [a, b, c], opacity) else { continue };
+            let mut brute = std::collections::BTreeSet::new();
+            for y in 0..480 {
+                for x in 0..640 {
+                    let (dx, dy) = (f64::from(x as f32 + 0.5 - mean[0]), f64::from(y as f32 + 0.5 - mean[1]));
+                    let [a, b, c] = [a, b, c].map(f64::from);
+                    let q = (c * dx * dx - 2.0 * b * dx * dy + a * dy * dy) / (a * c - b * b);
+                    if f64::from(opacity) * (-0.5 * q).exp() >= 1.0 / 255.0 {
+                        brute.insert(y / TILE * 40 + x / TILE);
+                    }
+                }
+            }
+            for set in InstructionSet::ALL {
+                let mut tiles = std::collections::BTreeSet::new();
+                let cover = set.run(CoverOf(splat));
+                if cover.is_large() {
+                    for y in splat.tiles[2]..=splat.tiles[3] {
+                        let Some((x0, x1)) = row_of_tiles(&splat, y.into()) else { continue };
+                        tiles.extend((x0..=x1).map(|x| usize::from(y) * 40 + x as usize));
+                    }
+                } else {
+                    cover.each(40, |tile| assert!(tiles.insert(tile), "tile {tile} twice"));
+                }
+                assert!(tiles.is_superset(&brute), "{}: {splat:?}: {tiles:?} lack some of {brute:?}", set.name());
+                needed += brute.len();
+                listed += tiles.len();
+            }
+        }
+        assert!(listed * 10 < needed * 12, "{listed} tiles are listed where {needed} are needed");
+    }
+}

@@ -53,3 +53,55 @@ pub(in crate::cpu) fn log2<S: Simd>(s: S, x: S::F) -> S::F {
     let p = s.fma(r2, p, s.splat(2.885_39));
     s.fma(r, p, s.to_float(n))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{GROUP, Group, InstructionSet, Kernel};
+    use super::*;
+
+    /// Applies the functions to 16 values.
+    struct All(Group<f32>);
+
+    impl Kernel for All {
+        type Output = [Group<f32>; 3];
+
+        #[inline(always)]
+        fn run<S: Simd>(self, s: S) -> [Group<f32>; 3] {
+            let mut out = [Group([0.0; GROUP]); 3];
+            for part in 0..GROUP / S::LANES {
+                let x = s.load(&self.0, part);
+                s.store(&mut out[0], part, exp2(s, x));
+                s.store(&mut out[1], part, exp2_precise(s, x));
+                s.store(&mut out[2], part, log2(s, s.max(x, s.splat(1e-30))));
+            }
+            out
+        }
+    }
+
+    #[test]
+    fn functions_are_as_precise_as_they_say_on_every_instruction_set() {
+        for set in InstructionSet::ALL.into_iter().filter(|set| set.available()) {
+            for k in -126 * 64..127 * 64 {
+                let x: [f32; GROUP] = std::array::from_fn(|i| (k as f32 + i as f32 / 16.0) / 64.0);
+                let [fast, precise, logarithm] = set.run(All(Group(x)));
+                for (i, x) in x.into_iter().enumerate() {
+                    let exact = f64::from(x).exp2();
+                    assert!((f64::from(fast.0[i]) / exact - 1.0).abs() < 3e-6, "2^{x} is {}", fast.0[i]);
+                    assert!((f64::from(precise.0[i]) / exact - 1.0).abs() < 2e-7, "2^{x} is {}", precise.0[i]);
+                    let error = f64::from(logarithm.0[i]) - f64::from(x).max(1e-30).log2();
+                    assert!(x <= 0.0 || error.abs() < 5e-7, "log2({x}) is {}", logarithm.0[i]);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn powers_far_below_the_range_are_nearly_nothing_and_nan_is_too() {
+        for set in InstructionSet::ALL.into_iter().filter(|set| set.available()) {
+            for x in [-126.5, -1e4, -3e38, f32::NEG_INFINITY, f32::NAN] {
+                let [fast, precise, _] = set.run(All(Group([x; GROUP])));
+                assert!((0.0..1e-37).contains(&fast.0[5]) && (0.0..1e-37).contains(&precise.0[5]), "2^{x}");
+            }
+        }
+    }
+}
