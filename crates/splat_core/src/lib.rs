@@ -22,6 +22,8 @@ mod neighbours;
 pub mod orient;
 mod selection;
 pub mod sh;
+mod shapes;
+mod surroundings;
 mod transform;
 mod transformed;
 mod view;

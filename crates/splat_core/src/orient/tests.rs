@@ -1,3 +1,4 @@
+use super::floor::Random;
 use super::*;
 use crate::CloudArrays;
 
