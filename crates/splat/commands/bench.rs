@@ -265,11 +265,16 @@ impl Stage {
         let wall: Vec<f64> = samples.iter().map(|s| s.wall).collect();
         Self {
             name,
-            median_ms: quantile(wall.clone(), 0.5),
-            p90_ms: quantile(wall, 0.9),
-            cpu_ms: cpu.map(|cpu| quantile(cpu, 0.5)),
+            median_ms: micros(quantile(wall.clone(), 0.5)),
+            p90_ms: micros(quantile(wall, 0.9)),
+            cpu_ms: cpu.map(|cpu| micros(quantile(cpu, 0.5))),
         }
     }
+}
+
+/// Milliseconds to the microsecond: more is noise.
+fn micros(ms: f64) -> f64 {
+    (ms * 1e3).round() / 1e3
 }
 
 /// Value below which `share` of the values lie, between values in proportion; 0 of none.
@@ -286,7 +291,7 @@ fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
 impl Report {
     fn text(&self) -> String {
         let head = format!(
-            "{}, {}x{}, {} views, {} rounds, {} threads, {}\n  {:<12} {:>10} {:>10} {:>10}\n",
+            "{}, {}x{}, views: {}, rounds: {}, threads: {}, {}\n  {:<12} {:>10} {:>10} {:>10}\n",
             gaussians(self.gaussians),
             self.size[0],
             self.size[1],

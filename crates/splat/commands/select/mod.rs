@@ -8,11 +8,11 @@ mod steps;
 mod values;
 
 use std::path::PathBuf;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use clap::{Args, FromArgMatches};
 use serde::Serialize;
-use splat_core::{Mask2d, SelectMode, Selection, View};
+use splat_core::{Mask2d, Neighbours, SelectMode, Selection, View};
 use splat_io::{WriteOptions, picture};
 use splat_raster::cpu::CpuRasterizer;
 use splat_raster::{Features, Frame, Outputs, Rasterizer, Scene};
@@ -37,6 +37,9 @@ pub(crate) const COMMAND: Command = Command {
     options: |command| steps::arguments(Options::augment_args(command)),
     run: |matches, terminal| run(&Options::from_arg_matches(matches)?, &steps::in_order(matches)?, terminal),
 };
+
+/// Neighbours of a Gaussian for growing, shrinking and connected pieces.
+const NEIGHBOURS: usize = 8;
 
 #[derive(Args, Debug)]
 struct Options {
@@ -119,7 +122,8 @@ struct Work<'a> {
     view: Option<View>,
     /// Whether some step was combined already.
     begun: bool,
-    surroundings: shapes::Surroundings,
+    /// Found by the first step that needs them.
+    neighbours: OnceLock<Neighbours>,
 }
 
 impl<'a> Work<'a> {
@@ -136,7 +140,7 @@ impl<'a> Work<'a> {
             selection,
             view: None,
             begun: options.from.is_some(),
-            surroundings: shapes::Surroundings::default(),
+            neighbours: OnceLock::new(),
         })
     }
 
@@ -148,6 +152,10 @@ impl<'a> Work<'a> {
                 Ok(*self.view.insert(view))
             }
         }
+    }
+
+    fn neighbours(&self) -> &Neighbours {
+        self.neighbours.get_or_init(|| Neighbours::build(self.capture.cloud.means(), NEIGHBOURS))
     }
 
     /// Does one step; gives how many Gaussians it means by itself.
@@ -165,17 +173,15 @@ impl<'a> Work<'a> {
             }
             Act::Value(filter) => filter.select(&cloud)?,
             Act::Grow(times) => {
-                self.selection = self.surroundings.grown(&cloud, &self.selection, *times);
+                self.selection = self.neighbours().grown(&self.selection, *times);
                 return Ok(None);
             }
             Act::Shrink(times) => {
-                self.selection.invert();
-                self.selection = self.surroundings.grown(&cloud, &self.selection, *times);
-                self.selection.invert();
+                self.selection = self.neighbours().shrunk(&self.selection, *times);
                 return Ok(None);
             }
             Act::Largest => {
-                self.selection = self.surroundings.largest(&cloud, &self.selection);
+                self.selection = self.neighbours().largest(&self.selection);
                 return Ok(None);
             }
             Act::Invert => {
