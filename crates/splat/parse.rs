@@ -1,4 +1,6 @@
-//! Values of options, as users type them: numbers between commas.
+//! Values of options, as users type them: mostly numbers between commas.
+
+use std::path::PathBuf;
 
 use splat_core::glam::{Vec2, Vec3};
 
@@ -58,6 +60,16 @@ pub(crate) fn positive(text: &str) -> Result<f32, String> {
     number(text).and_then(|v| if v > 0.0 { Ok(v) } else { Err("a number above 0 is needed".to_owned()) })
 }
 
+/// The name of a picture to write.
+pub(crate) fn png(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) {
+        Ok(path)
+    } else {
+        Err("pictures are written as PNG; name one that ends in .png".to_owned())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -74,6 +86,7 @@ mod tests {
         }
         assert!(direction("0,0,0").is_err());
         assert_eq!(points("1,2;3,4"), Ok(vec![Vec2::new(1.0, 2.0), Vec2::new(3.0, 4.0)]));
+        assert!(png("a/b.PNG").is_ok() && png("a.jpg").is_err() && png("png").is_err());
         assert!(opening("0").is_err() && opening("171").is_err());
     }
 }

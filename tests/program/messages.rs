@@ -59,6 +59,8 @@ fn command_lines_that_make_no_sense_give_code_2_and_a_way_on() {
         "render a.ply -o b.png --background 2,0,0",
         "render a.ply -o b.png --camera x#0 --orbit 0,0",
         "render a.ply -o b.png --up 0,0,0",
+        "render a.ply -o b.jpg",
+        "select a.ply -o b.png",
         "select a.ply --rect 1,2,3",
         "select a.ply --mode add",
         "select a.ply --rect 0,0,1,1 --mode nonsense",

@@ -36,7 +36,7 @@ struct Options {
     /// The capture
     file: PathBuf,
     /// The PNG to write
-    #[arg(short, long = "out", value_name = "PNG")]
+    #[arg(short, long = "out", value_name = "PNG", value_parser = parse::png)]
     out: PathBuf,
     /// What to draw
     #[arg(long, value_enum, default_value = "color")]

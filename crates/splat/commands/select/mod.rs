@@ -23,8 +23,8 @@ use super::Command;
 use crate::camera::{self, PictureOptions};
 use crate::capture::{Capture, write_selection};
 use crate::failure::Failure;
-use crate::paint;
 use crate::terminal::{Terminal, gaussians, grouped};
+use crate::{paint, parse};
 
 pub(crate) const COMMAND: Command = Command {
     name: "select",
@@ -58,7 +58,7 @@ struct Options {
     #[arg(long, value_name = "OUT")]
     rest: Option<PathBuf>,
     /// Write the last view with the selection over it
-    #[arg(long, value_name = "PNG")]
+    #[arg(long, value_name = "PNG", value_parser = parse::png)]
     picture: Option<PathBuf>,
     #[command(flatten)]
     view: PictureOptions,
@@ -83,6 +83,11 @@ struct StepReport {
 }
 
 fn run(options: &Options, steps: &[Step], terminal: &Terminal) -> Result<(), Failure> {
+    if steps.iter().all(|step| matches!(step.act, Act::Stand(_))) && options.from.is_none() {
+        return Err(Failure::usage(
+            "there is nothing to select by; give a shape (--rect, --polygon, --brush, --mask) or a --value",
+        ));
+    }
     let capture = Capture::read_and_tell(&options.file, terminal)?;
     let mut work = Work::new(options, &capture)?;
     let working = terminal.progress("selecting", Some(steps.len() as u64));
@@ -97,10 +102,13 @@ fn run(options: &Options, steps: &[Step], terminal: &Terminal) -> Result<(), Fai
     }
     drop(working);
     let selected = work.selection.count();
-    if selected == 0 && !steps.is_empty() {
+    if selected == 0 {
         terminal.note("nothing is selected; --picture shows the view that the shapes lie over");
     }
     let written = work.write(options, terminal)?;
+    if written.is_empty() {
+        terminal.note("nothing was written; -o SELECTION.npy, --object, --rest and --picture do that");
+    }
     let report = Report {
         file: options.file.display().to_string(),
         gaussians: capture.cloud.len(),
