@@ -1,18 +1,22 @@
 //! CPU time per frame of a capture, for each instruction set and set of outputs, and pictures to look at.
 //!
-//! `cargo run --release -p splat_raster --example measure -- SCENE.ply CAMERAS.json [WxH] [VIEWS] [PNG FOLDER|-] [CASE]`
+//! `cargo run --release -p splat_raster --example measure -- SCENE.ply CAMERAS.json [WxH] [VIEWS] [PNG FOLDER|-] [CASE] [COPIES]`
+
+#![expect(clippy::print_stdout, reason = "a program")]
 
 use std::sync::Arc;
 use std::time::Instant;
 
-use splat_core::{Mask2d, View};
+use splat_core::bounds::robust_bounds;
+use splat_core::glam::{Quat, Vec3};
+use splat_core::{Cloud, Mask2d, Similarity, View};
 use splat_raster::cpu::{CpuRasterizer, InstructionSet};
-use splat_raster::{Features, Frame, Outputs, Rasterizer, Scene};
+use splat_raster::{Features, Frame, Instance, Outputs, Rasterizer, Scene};
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let (Some(file), Some(cameras)) = (arguments.next(), arguments.next()) else {
-        println!("usage: measure SCENE.ply CAMERAS.json [WxH] [VIEWS] [PNG FOLDER|-] [CASE]");
+        println!("usage: measure SCENE.ply CAMERAS.json [WxH] [VIEWS] [PNG FOLDER|-] [CASE] [COPIES]");
         return;
     };
     let size = arguments.next().unwrap_or_else(|| "1280x720".to_owned());
@@ -21,10 +25,11 @@ fn main() {
     let count: usize = arguments.next().map_or(8, |n| n.parse().expect("a number of views"));
     let folder = arguments.next().filter(|folder| folder != "-");
     let wanted = arguments.next().unwrap_or_default();
+    let copies: usize = arguments.next().map_or(1, |n| n.parse().expect("a number of copies"));
 
     let (cloud, _) = splat_io::read(&file).expect("a splat file");
-    let gaussians = cloud.len();
-    let scene = Scene::of(Arc::new(cloud));
+    let scene = turned_copies(cloud, copies);
+    let gaussians = scene.len();
     let views = splat_io::cameras::read(&cameras).expect("a camera file").views;
     let views: Vec<View> = views.iter().map(|v| v.view.resized(width, height)).collect();
     let views: Vec<View> = views.iter().step_by((views.len() / count).max(1)).take(count).copied().collect();
@@ -96,6 +101,18 @@ fn main() {
         let bytes: Vec<u8> = frame.color.iter().flat_map(|p| [byte(p[0]), byte(p[1]), byte(p[2])]).collect();
         splat_io::picture::write_png_rgb8(format!("{folder}/view_{k:02}.png"), width, height, &bytes).expect("a PNG");
     }
+}
+
+/// The capture several times in the same place, each turned about its middle: a scene of any size.
+fn turned_copies(cloud: Cloud, copies: usize) -> Scene {
+    let center = robust_bounds(&cloud).map_or(Vec3::ZERO, |bounds| bounds.center);
+    let cloud = Arc::new(cloud);
+    let instances = (0..copies).map(|k| {
+        let rotation = Quat::from_rotation_y(k as f32);
+        let transform = Similarity { rotation, scale: 1.0, translation: center - rotation * center };
+        Instance { transform, ..Instance::new(cloud.clone()) }
+    });
+    Scene { instances: instances.collect() }
 }
 
 /// CPU time of all threads of this process so far.

@@ -44,7 +44,7 @@ fn same(a: &Frame, b: &Frame) {
 fn soft_mask(seed: u64, width: u32, height: u32) -> Mask2d {
     let mut r = common::Random(seed);
     let values = (0..width * height).map(|_| r.bits() as u8).collect();
-    Mask2d::new(width, height, values).unwrap()
+    Mask2d::new(width, height, values).expect("a value per pixel")
 }
 
 /// A scene of three instances large enough for several workers.
@@ -53,7 +53,7 @@ fn busy_scene(seed: u64) -> (Scene, View, Vec<f32>) {
     let cloud = Arc::new(common::cloud(seed, 20_000, 2));
     let mut scene = Scene::of(cloud.clone());
     for _ in 0..2 {
-        let hidden = Selection::from_fn(cloud.len(), |_| r.bits() % 4 == 0);
+        let hidden = Selection::from_fn(cloud.len(), |_| r.bits().is_multiple_of(4));
         let transform = r.similarity();
         scene.instances.push(Instance { cloud: cloud.clone(), transform, hidden: Some(Arc::new(hidden)) });
     }
@@ -182,7 +182,7 @@ fn votes_are_the_adjoint_of_features() {
 fn votes_of_a_mask_and_its_complement_add_up_to_the_total() {
     let (scene, view, _) = busy_scene(16);
     let mut r = common::Random(17);
-    let hard = Mask2d::from_fn(view.width, view.height, |_, _| r.bits() % 2 == 0);
+    let hard = Mask2d::from_fn(view.width, view.height, |_, _| r.bits().is_multiple_of(2));
     let rest = Mask2d::from_fn(view.width, view.height, |x, y| !hard.contains(x, y));
     let full = Mask2d::from_fn(view.width, view.height, |_, _| true);
     let none = Mask2d::empty(view.width, view.height);
@@ -216,7 +216,7 @@ fn one_cloud_cut_into_two_instances_gives_the_same_bits() {
 fn hidden_gaussians_are_as_good_as_removed() {
     let cloud = Arc::new(common::cloud(20, 3000, 1));
     let mut r = common::Random(21);
-    let shown = Selection::from_fn(cloud.len(), |_| r.bits() % 3 > 0);
+    let shown = Selection::from_fn(cloud.len(), |_| !r.bits().is_multiple_of(3));
     let view = common::view(20, 150, 100);
     let outputs = Outputs { color: true, strongest: true, visibility: Some(0.01), ..Outputs::default() };
     let hidden = frame(&mut CpuRasterizer::new(), &Scene::of_selected(cloud.clone(), &shown), &view, &outputs);

@@ -133,7 +133,7 @@ fn transformed_instances_with_hidden_gaussians_equal_the_reference() {
             .map(|_| Instance {
                 cloud: cloud.clone(),
                 transform: r.similarity(),
-                hidden: Some(Arc::new(Selection::from_fn(120, |_| r.bits() % 3 == 0))),
+                hidden: Some(Arc::new(Selection::from_fn(120, |_| r.bits().is_multiple_of(3)))),
             })
             .collect();
         agree(&format!("instances seed {seed}"), &Scene { instances }, &common::view(seed, 80, 45));

@@ -1,5 +1,10 @@
 //! Stage 4: the splats of a tile, front to back, into its pixels.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "iterators over registers are calls where the compiler does not inline them into kernels"
+)]
+
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use splat_core::Mask2d;
@@ -142,17 +147,17 @@ const fn corners(step: usize, across: usize, vertical: bool) -> Group<f32> {
     group
 }
 
-/// Asks for a splat's line of cache.
+/// Asks for the line of cache where `at` begins.
 #[inline(always)]
-fn prefetch(splat: &Splat) {
+fn prefetch<T>(at: &T) {
     #[cfg(target_arch = "x86_64")]
     // SAFETY: a prefetch of a valid address; every x86-64 has it.
     unsafe {
         use std::arch::x86_64::{_MM_HINT_T0, _mm_prefetch};
-        _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(splat).cast());
+        _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(at).cast());
     }
     #[cfg(not(target_arch = "x86_64"))]
-    let _ = splat;
+    let _ = at;
 }
 
 impl Blend<'_> {
@@ -166,6 +171,12 @@ impl Blend<'_> {
         for (n, &id) in list.iter().enumerate() {
             if let Some(&next) = list.get(n + AHEAD) {
                 prefetch(&request.splats[next as usize]);
+                if SUMS && request.outputs.votes.is_some() {
+                    prefetch(&request.sums.total[next as usize]);
+                    for inside in request.sums.inside {
+                        prefetch(&inside[next as usize]);
+                    }
+                }
             }
             let splat = &request.splats[id as usize];
             let x = corner.0 as f32 + 0.5 - splat.mean[0];

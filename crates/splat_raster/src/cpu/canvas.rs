@@ -43,10 +43,10 @@ impl<'a> Canvas<'a> {
                     write_colors(pixels, b, i, four);
                 }
             }
-            // SAFETY: as above.
             macro_rules! row {
                 ($on:expr, $picture:ident, |$b:ident, $i:ident| $value:expr) => {
                     if $on {
+                        // SAFETY: as above.
                         let row = unsafe { self.$picture.part(start, width) };
                         for (x, to) in row.iter_mut().enumerate() {
                             let ($b, $i) = block_of(x, y);

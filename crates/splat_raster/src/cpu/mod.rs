@@ -273,14 +273,9 @@ fn check(scene: &Scene, view: &View, outputs: &Outputs) -> Result<(), RasterErro
         return Err(RasterError::TooMany { found: scene.len() });
     }
     for instance in &scene.instances {
-        if let Some(hidden) = &instance.hidden {
-            if hidden.len() != instance.cloud.len() {
-                return Err(RasterError::Length {
-                    what: "hidden",
-                    found: hidden.len(),
-                    expected: instance.cloud.len(),
-                });
-            }
+        let count = instance.cloud.len();
+        if let Some(hidden) = instance.hidden.as_ref().filter(|hidden| hidden.len() != count) {
+            return Err(RasterError::Length { what: "hidden", found: hidden.len(), expected: count });
         }
     }
     if let Some(features) = &outputs.features {

@@ -1,5 +1,10 @@
 //! Stage 1: Gaussians to splats, with everything culled that no pixel sees.
 
+#![expect(
+    clippy::needless_range_loop,
+    reason = "iterators over registers are calls where the compiler does not inline them into kernels"
+)]
+
 use glam::{Mat3, Vec3};
 use splat_core::{Cloud, Projection, Selection, View, sh};
 
@@ -441,13 +446,13 @@ fn basis<S: Simd>(s: S, setup: &Setup, degree: u8, lanes: &mut Lanes, to: &mut [
         s.store(&mut to[16], part, s.mul(times(s, 2.503_343, xy), x2_y2));
         s.store(&mut to[17], part, s.mul(times(s, -1.770_130_8, yz), three_x2_y2));
         s.store(&mut to[18], part, s.mul(times(s, 0.946_174_7, xy), seven));
-        s.store(&mut to[19], part, s.mul(times(s, -0.669_046_54, yz), seven_three));
+        s.store(&mut to[19], part, s.mul(times(s, -0.669_046_5, yz), seven_three));
         s.store(&mut to[20], part, times(s, 0.105_785_55, s.fma(z2, line(s, 35.0, z2, -30.0), s.splat(3.0))));
-        s.store(&mut to[21], part, s.mul(times(s, -0.669_046_54, xz), seven_three));
+        s.store(&mut to[21], part, s.mul(times(s, -0.669_046_5, xz), seven_three));
         s.store(&mut to[22], part, s.mul(times(s, 0.473_087_35, x2_y2), seven));
         s.store(&mut to[23], part, s.mul(times(s, -1.770_130_8, xz), x2_three_y2));
         let fours = s.fma(x2, x2_three_y2, s.mul(s.sub(s.splat(0.0), y2), three_x2_y2));
-        s.store(&mut to[24], part, times(s, 0.625_835_74, fours));
+        s.store(&mut to[24], part, times(s, 0.625_835_7, fours));
     }
 }
 

@@ -48,8 +48,8 @@ impl<'a, T: Copy> Shared<'a, T> {
 
 /// The same words, to be added to by many threads.
 pub(super) fn atomic(words: &mut [u64]) -> &[AtomicU64] {
-    // SAFETY: `AtomicU64` has the size and, on the 64-bit targets where this compiles, the alignment of `u64`, and the
-    // unique borrow is turned into a shared one for its whole lifetime.
     const { assert!(align_of::<AtomicU64>() == align_of::<u64>()) };
+    // SAFETY: `AtomicU64` has the size of `u64` and, as just checked, its alignment, and the unique borrow is turned into
+    // a shared one for its whole lifetime.
     unsafe { &*(std::ptr::from_mut(words) as *const [AtomicU64]) }
 }

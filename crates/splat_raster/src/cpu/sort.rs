@@ -73,7 +73,8 @@ impl Sorter {
                 0 => Source::Blocks(keys, blocks, &self.cuts),
                 _ => Source::Dense(from, workers),
             };
-            scatter(source, workers, least, pass * digit, digit, &mut self.counters, to, watch);
+            let pass = Pass { source, workers, least, shift: pass * digit, width: digit };
+            pass.scatter(&mut self.counters, to, watch);
             std::mem::swap(&mut self.front, &mut self.back);
         }
         &self.back
@@ -101,51 +102,53 @@ fn cut(blocks: &[Block], count: usize, workers: usize, cuts: &mut Vec<usize>) {
 }
 
 /// One stable pass over the digit of `width` bits at `shift` of `depth - least`.
-fn scatter(
-    source: Source,
+struct Pass<'a> {
+    source: Source<'a>,
     workers: usize,
     least: u32,
     shift: u32,
     width: u32,
-    counters: &mut Vec<u32>,
-    to: &mut [u64],
-    watch: &Watch,
-) {
-    let values = 1usize << width;
-    let digit = |key: u64| (((key >> 32) as u32).wrapping_sub(least) >> shift) as usize & (values - 1);
-    counters.clear();
-    counters.resize(workers * values, 0);
-    counters.par_chunks_mut(values).enumerate().for_each(|(worker, counters)| {
-        watch.work(|| {
-            source.each(worker, |keys| {
-                for &key in keys {
-                    counters[digit(key)] += 1;
-                }
+}
+
+impl Pass<'_> {
+    fn scatter(&self, counters: &mut Vec<u32>, to: &mut [u64], watch: &Watch) {
+        let Self { source, workers, least, shift, width } = *self;
+        let values = 1usize << width;
+        let digit = |key: u64| (((key >> 32) as u32).wrapping_sub(least) >> shift) as usize & (values - 1);
+        counters.clear();
+        counters.resize(workers * values, 0);
+        counters.par_chunks_mut(values).enumerate().for_each(|(worker, counters)| {
+            watch.work(|| {
+                source.each(worker, |keys| {
+                    for &key in keys {
+                        counters[digit(key)] += 1;
+                    }
+                });
             });
         });
-    });
-    let mut sum = 0;
-    for value in 0..values {
-        for worker in 0..workers {
-            let counter = &mut counters[worker * values + value];
-            (*counter, sum) = (sum, sum + *counter);
+        let mut sum = 0;
+        for value in 0..values {
+            for worker in 0..workers {
+                let counter = &mut counters[worker * values + value];
+                (*counter, sum) = (sum, sum + *counter);
+            }
         }
-    }
-    assert_eq!(sum as usize, to.len(), "every key has a place");
-    let to = Shared::new(to);
-    counters.par_chunks_mut(values).enumerate().for_each(|(worker, counters)| {
-        watch.work(|| {
-            source.each(worker, |keys| {
-                for &key in keys {
-                    let place = &mut counters[digit(key)];
-                    // SAFETY: the counters start at prefix sums of what each worker has of each digit, counted above over
-                    // the same keys, so that no two keys share a place and all places are below the total.
-                    unsafe { to.write(*place as usize, key) };
-                    *place += 1;
-                }
+        assert_eq!(sum as usize, to.len(), "every key has a place");
+        let to = Shared::new(to);
+        counters.par_chunks_mut(values).enumerate().for_each(|(worker, counters)| {
+            watch.work(|| {
+                source.each(worker, |keys| {
+                    for &key in keys {
+                        let place = &mut counters[digit(key)];
+                        // SAFETY: the counters start at prefix sums of what each worker has of each digit, counted above over
+                        // the same keys, so that no two keys share a place and all places are below the total.
+                        unsafe { to.write(*place as usize, key) };
+                        *place += 1;
+                    }
+                });
             });
         });
-    });
+    }
 }
 
 #[cfg(test)]

@@ -169,7 +169,7 @@ pub(super) fn row_of_tiles(splat: &Splat, y: u32) -> Option<(u32, u32)> {
     let reach = splat.level + LEVELS + MARGIN;
     let high = reach.max(0.0).sqrt() / splat.across;
     let (low, high) = (y0.max(-high), y1.min(high));
-    if !(low <= high) {
+    if low > high {
         return None;
     }
     // Right branch: shear * y + sqrt(reach - (across * y)^2) / along, concave in y with its top at `top`.

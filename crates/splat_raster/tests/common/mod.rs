@@ -1,6 +1,6 @@
 //! What the tests share: seeded clouds and views, and the slow reference.
 
-#![allow(dead_code, reason = "each test program uses its part")]
+#![allow(dead_code, clippy::print_stdout, reason = "each test program uses its part; skipped tests say so")]
 
 pub(crate) mod slow;
 

@@ -8,10 +8,10 @@ use super::Simd;
 #[inline(always)]
 pub(in crate::cpu) fn exp2<S: Simd>(s: S, x: S::F) -> S::F {
     let (scale, f) = split(s, x);
-    let p = s.fma(f, s.splat(0.009_570_068_8), s.splat(0.055_917_808));
+    let p = s.fma(f, s.splat(0.009_570_069), s.splat(0.055_917_808));
     let p = s.fma(f, p, s.splat(0.240_247_45));
     let p = s.fma(f, p, s.splat(0.693_121_8));
-    let p = s.fma(f, p, s.splat(0.999_999_26));
+    let p = s.fma(f, p, s.splat(0.999_999_3));
     s.as_float(s.add_i(s.as_int(p), scale))
 }
 
@@ -23,7 +23,7 @@ pub(in crate::cpu) fn exp2_precise<S: Simd>(s: S, x: S::F) -> S::F {
     let p = s.fma(f, p, s.splat(1.333_355_8e-3));
     let p = s.fma(f, p, s.splat(9.618_129e-3));
     let p = s.fma(f, p, s.splat(5.550_411e-2));
-    let p = s.fma(f, p, s.splat(0.240_226_51));
+    let p = s.fma(f, p, s.splat(0.240_226_5));
     let p = s.fma(f, p, s.splat(std::f32::consts::LN_2));
     let p = s.fma(f, p, s.splat(1.0));
     s.as_float(s.add_i(s.as_int(p), scale))
