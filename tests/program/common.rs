@@ -1,7 +1,7 @@
 //! Running the program, and small captures to run it on.
 
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 use serde_json::Value;
 use splat_core::glam::{Quat, Vec3};
@@ -29,8 +29,14 @@ pub(crate) fn splat(folder: &Path, line: &str) -> Said {
     let words = line.split('"').enumerate().flat_map(|(k, part)| {
         if k % 2 == 1 { vec![part.to_owned()] } else { part.split_whitespace().map(str::to_owned).collect() }
     });
-    let Output { status, stdout, stderr } =
-        Command::new(env!("CARGO_BIN_EXE_splat")).args(words).current_dir(folder).output().unwrap();
+    let Output { status, stdout, stderr } = Command::new(env!("CARGO_BIN_EXE_splat"))
+        .args(words)
+        .current_dir(folder)
+        // No terminal of whoever runs the tests decides the width of help texts.
+        .env_remove("COLUMNS")
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
     Said {
         code: status.code().unwrap(),
         out: String::from_utf8(stdout).unwrap(),

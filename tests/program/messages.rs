@@ -148,6 +148,24 @@ fn lists_come_from_the_tables() {
 }
 
 #[test]
+fn help_texts_are_those_that_someone_looked_at() {
+    let dir = folder("help");
+    let expected = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/program/expected");
+    let list = json(&dir, "list commands");
+    let names = list[0]["rows"].as_array().unwrap().iter().map(|row| row[0].as_str().unwrap().to_owned());
+    for name in names.chain([String::new()]) {
+        let got = done(&dir, &format!("{name} --help")).out;
+        let file = expected.join(format!("help_{name}.txt").replace("_.", "."));
+        if std::env::var_os("UPDATE_SNAPSHOTS").is_some() {
+            fs::create_dir_all(&expected).unwrap();
+            fs::write(&file, &got).unwrap();
+        }
+        let wanted = fs::read_to_string(&file).unwrap_or_default().replace("\r\n", "\n");
+        assert!(got == wanted, "{name} --help changed; if it reads well, run again with UPDATE_SNAPSHOTS=1:\n{got}");
+    }
+}
+
+#[test]
 fn completions_are_made_for_every_shell() {
     let dir = folder("completions");
     for shell in ["bash", "zsh", "fish", "powershell", "elvish"] {
