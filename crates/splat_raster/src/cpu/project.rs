@@ -470,26 +470,31 @@ fn line<S: Simd>(s: S, a: f32, v: S::F, b: f32) -> S::F {
 /// `max(0, 0.5 + sum_k c_k Y_k)` per channel for lane `i`.
 #[inline(always)]
 fn blend_harmonics(harmonics: &[Group<f32>; 25], i: usize, sh: &[f32], coefficients: usize) -> [f32; 3] {
-    let mut sum = [[0.5 + sh::C0 * sh[0], 0.5 + sh::C0 * sh[1], 0.5 + sh::C0 * sh[2], 0.0], [0.0; 4]];
-    // Four floats are one load; the fourth belongs to the next coefficient and is not used.
-    for k in 1..coefficients - 1 {
-        let y = harmonics[k].0[i];
-        let row = &sh[3 * k..3 * k + 4];
+    let mut color = [0.5 + sh::C0 * sh[0], 0.5 + sh::C0 * sh[1], 0.5 + sh::C0 * sh[2]];
+    // Two sums, each in a register: one would wait for itself. Four floats are one load; the fourth belongs to the next
+    // coefficient and is not used.
+    let (mut odd, mut even) = ([0.0; 4], [0.0; 4]);
+    let whole = coefficients - 1;
+    let mut k = 1;
+    while k + 1 < whole {
+        let (y, row) = (harmonics[k].0[i], &sh[3 * k..3 * k + 4]);
+        let (next_y, next) = (harmonics[k + 1].0[i], &sh[3 * k + 3..3 * k + 7]);
         for c in 0..4 {
-            sum[k & 1][c] += y * row[c];
+            odd[c] += y * row[c];
+            even[c] += next_y * next[c];
         }
+        k += 2;
     }
-    if coefficients > 1 {
-        let k = coefficients - 1;
-        let y = harmonics[k].0[i];
+    // Up to two are left, the last without a fourth float after it.
+    while k < coefficients {
         for c in 0..3 {
-            sum[k & 1][c] += y * sh[3 * k + c];
+            odd[c] += harmonics[k].0[i] * sh[3 * k + c];
         }
+        k += 1;
     }
     // Written so that NaN becomes 0.
-    let mut color = [0.0; 3];
     for c in 0..3 {
-        let v = sum[0][c] + sum[1][c];
+        let v = color[c] + (odd[c] + even[c]);
         color[c] = if v > 0.0 { v.min(BRIGHTEST) } else { 0.0 };
     }
     color
