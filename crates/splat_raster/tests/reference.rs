@@ -195,3 +195,27 @@ fn avx2_and_avx512_give_the_same_bits() {
         (&b.first_hits, &b.strongest, &b.visibility, &b.votes)
     );
 }
+
+/// The captures ship the sum of weights per Gaussian over all cameras, computed by another program and rounded to
+/// logarithmic steps of at most 4 %.
+#[test]
+fn votes_of_all_cameras_equal_the_weights_shipped_with_a_capture() {
+    let Some(folder) = common::capture("bench/cardbox") else { return };
+    let (cloud, _) = splat_io::read(folder.join("scene.ply")).expect("the capture");
+    let views = splat_io::cameras::read(folder.join("cameras.json")).expect("its cameras").views;
+    let weights = splat_io::npy::read_f32(folder.join("weight.npy")).expect("its weights");
+    let stats = std::fs::read_to_string(folder.join("stats.json")).expect("its figures");
+    let near = stats.split_once("\"near\":").expect("near").1.split([',', '\n', '}']).next().expect("a number");
+    let near: f32 = near.trim().parse().expect("a number");
+    let scene = Scene::of(Arc::new(cloud));
+    let mut sums = vec![0u64; scene.len()];
+    let mut rasterizer = CpuRasterizer::new();
+    for view in views {
+        let votes = rasterizer.votes(&scene, &View { near, ..view.view }, &[]).expect("votes");
+        sums.iter_mut().zip(votes.total).for_each(|(sum, total)| *sum += total);
+    }
+    let visible: Vec<usize> = (0..scene.len()).filter(|&i| weights[i] > 1.0).collect();
+    let off = |&&i: &&usize| (sums[i] as f64 * VOTE_UNIT / f64::from(weights[i]) - 1.0).abs() > 0.05;
+    let off = visible.iter().filter(off).count();
+    assert!(visible.len() > 10_000 && off * 1000 < visible.len(), "{off} of {} weights differ", visible.len());
+}
