@@ -11,6 +11,7 @@ mod failure;
 mod moves;
 mod paint;
 mod parse;
+mod prepare;
 mod terminal;
 
 use std::process::ExitCode;

@@ -81,7 +81,6 @@ impl Terminal {
     }
 
     /// A watcher of long work in the libraries: one bar per stage.
-    #[expect(dead_code, reason = "for the commands that segment, which report through a `Run`")]
     pub(crate) fn run(&self) -> Run {
         let terminal = *self;
         let current: Mutex<Option<(&'static str, Working)>> = Mutex::new(None);

@@ -12,6 +12,8 @@ mod list;
 pub(crate) mod main_job;
 mod orient;
 mod render;
+mod replay;
+pub(crate) mod segment;
 mod select;
 
 use clap::ArgMatches;
@@ -41,6 +43,8 @@ pub(crate) static COMMANDS: &[Command] = &[
     cameras::COMMAND,
     render::COMMAND,
     check::COMMAND,
+    segment::COMMAND,
+    replay::COMMAND,
     select::COMMAND,
     orient::COMMAND,
     bench::COMMAND,

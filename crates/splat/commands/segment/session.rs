@@ -135,7 +135,9 @@ pub(crate) fn record(
                 PromptRecord::Click { view, at: pair(*at), negative: *kind == ClickKind::Negative }
             }
             Shape::Box(corners) => PromptRecord::Box { view, corners: *corners },
-            Shape::Scribble(points) => PromptRecord::Scribble { view, points: points.iter().map(|p| pair(*p)).collect() },
+            Shape::Scribble(points) => {
+                PromptRecord::Scribble { view, points: points.iter().map(|p| pair(*p)).collect() }
+            }
             Shape::Mask(mask) => {
                 let file = format!("mask_{}.png", k + 1);
                 picture::write_mask(folder.join(&file), mask)?;
@@ -164,11 +166,14 @@ impl Session {
     /// [`Failure::Failed`] in one sentence naming the file.
     pub(crate) fn read(path: &Path) -> Result<Self, Failure> {
         let wrong = |what: String| Failure::failed(format!("{what}: {}", path.display()));
-        let bytes = std::fs::read(path).map_err(|e| wrong(format!("the session cannot be read ({e}); name a session.json")))?;
-        let value: Value =
-            serde_json::from_slice(&bytes).map_err(|e| wrong(format!("this is no session ({e}); name a session.json")))?;
+        let bytes =
+            std::fs::read(path).map_err(|e| wrong(format!("the session cannot be read ({e}); name a session.json")))?;
+        let value: Value = serde_json::from_slice(&bytes)
+            .map_err(|e| wrong(format!("this is no session ({e}); name a session.json")))?;
         if let Some(version) = value.get("session").and_then(Value::as_u64).filter(|&v| v != u64::from(VERSION)) {
-            return Err(wrong(format!("the session has layout {version}, this program reads {VERSION}; segment again")));
+            return Err(wrong(format!(
+                "the session has layout {version}, this program reads {VERSION}; segment again"
+            )));
         }
         serde_json::from_value(value).map_err(|e| wrong(format!("the session is damaged ({e}); segment again")))
     }
@@ -228,7 +233,9 @@ fn prompt(record: &PromptRecord, path: &Path) -> Result<Prompt, Failure> {
         PromptRecord::Mask { view, file, content } => {
             let own = Path::new(file).file_name().is_some_and(|name| name == file.as_str());
             if !own {
-                return Err(Failure::failed(format!("the session names a mask outside its folder; segment again: {file}")));
+                return Err(Failure::failed(format!(
+                    "the session names a mask outside its folder; segment again: {file}"
+                )));
             }
             let file = path.with_file_name(file);
             let mask = picture::read_mask(&file)?;
@@ -242,7 +249,10 @@ fn prompt(record: &PromptRecord, path: &Path) -> Result<Prompt, Failure> {
         }
     };
     if matches!(&shape, Shape::Scribble(points) if points.is_empty()) {
-        return Err(Failure::failed(format!("the session has a stroke without points; segment again: {}", path.display())));
+        return Err(Failure::failed(format!(
+            "the session has a stroke without points; segment again: {}",
+            path.display()
+        )));
     }
     Ok(Prompt { view, shape })
 }

@@ -7,8 +7,8 @@ use std::time::Instant;
 use serde::Serialize;
 use splat_core::glam::Vec2;
 use splat_core::{Mask2d, SelectMode, Selection, View};
-use splat_raster::cpu::CpuRasterizer;
 use splat_raster::Scene;
+use splat_raster::cpu::CpuRasterizer;
 use splat_segment::boundary::silhouettes;
 use splat_segment::graph::clicks::{ClickKind, ClickState};
 use splat_segment::graph::hypotheses::{Hypotheses, Hypothesis};
@@ -131,10 +131,13 @@ impl Solver<'_> {
     /// The first selection, what else was offered, and the prompt that is answered by it.
     fn start(&mut self) -> Result<(ClickState, Offers, Option<usize>), Failure> {
         if self.task.has_mask() {
-            let masks: Vec<(&View, &Mask2d)> = self.task.prompts.iter().filter_map(|p| match &p.shape {
-                Shape::Mask(mask) => Some((&self.task.views[p.view], mask)),
-                _ => None,
-            });
+            let task = self.task;
+            let masks: Vec<(&View, &Mask2d)> = (task.prompts.iter())
+                .filter_map(|p| match &p.shape {
+                    Shape::Mask(mask) => Some((&task.views[p.view], mask)),
+                    _ => None,
+                })
+                .collect();
             let selection = self.by_masks(&masks)?;
             return Ok((state_of(self.prepared, &selection), Offers::default(), None));
         }
@@ -157,7 +160,9 @@ impl Solver<'_> {
             Shape::Mask(_) => (Hypotheses::default(), None),
         };
         let Some(taken) = self.choose(&found)? else {
-            return Err(Failure::failed("the box shows nothing of the capture; draw it around something in the picture"));
+            return Err(Failure::failed(
+                "the box shows nothing of the capture; draw it around something in the picture",
+            ));
         };
         let offer = |&n: &usize| self.offer(&found.ranked[n], n == taken);
         let offers = Offers {
@@ -200,7 +205,8 @@ impl Solver<'_> {
         };
         let other = found.ranked.iter().position(fits);
         if other.is_none() && self.task.settings.granularity != Granularity::Object {
-            self.notes.push("the capture offers nothing of that granularity here; the object itself was taken".to_owned());
+            self.notes
+                .push("the capture offers nothing of that granularity here; the object itself was taken".to_owned());
         }
         Ok(Some(other.unwrap_or(object)))
     }

@@ -163,8 +163,8 @@ impl Task {
     fn check_together(&self) -> Result<(), Failure> {
         let count = |wanted: fn(&Shape) -> bool| self.prompts.iter().filter(|p| wanted(&p.shape)).count();
         let boxes = count(|s| matches!(s, Shape::Box(_)));
-        let starts = boxes
-            + count(|s| matches!(s, Shape::Click(_, ClickKind::Positive) | Shape::Scribble(_) | Shape::Mask(_)));
+        let starts =
+            boxes + count(|s| matches!(s, Shape::Click(_, ClickKind::Positive) | Shape::Scribble(_) | Shape::Mask(_)));
         if starts == 0 {
             return Err(Failure::usage(
                 "nothing says what is wanted; point at it by --click X,Y, --box X0,Y0,X1,Y1 or --mask PNG",

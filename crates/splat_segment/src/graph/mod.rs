@@ -11,5 +11,6 @@ pub mod look;
 pub mod masks;
 pub mod patches;
 pub mod prepared;
+pub mod store;
 pub mod superpoints;
 pub mod tree;

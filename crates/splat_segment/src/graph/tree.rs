@@ -183,7 +183,7 @@ impl MergeTree {
         tree
     }
 
-    fn lay_out(&mut self) {
+    pub(super) fn lay_out(&mut self) {
         self.run = vec![(0, 0); self.nodes.len()];
         let roots: Vec<u32> =
             (0..self.nodes.len() as u32).filter(|&i| self.nodes[i as usize].parent == i).collect();
