@@ -4,6 +4,7 @@
 //! the file being worked on ([`capture`]), the view ([`camera`]), pictures of frames ([`paint`]), moves ([`moves`]), what is
 //! said and where ([`terminal`]), and why something failed ([`failure`]).
 
+mod bench_scene;
 mod camera;
 mod capture;
 mod commands;
@@ -14,6 +15,7 @@ mod parse;
 mod prepare;
 mod terminal;
 
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Arg, ArgAction, ArgMatches, value_parser};
@@ -66,6 +68,15 @@ fn program() -> clap::Command {
         .after_long_help(format!("{EXAMPLES}\n\n{EXIT_CODES}"))
         .propagate_version(true)
         .arg(
+            Arg::new("out")
+                .long("out")
+                .short('o')
+                .value_name("DIR")
+                .value_parser(value_parser!(PathBuf))
+                .default_value(main_job::OUT)
+                .help("Where the main job puts its results, without a command"),
+        )
+        .arg(
             Arg::new("quiet")
                 .long("quiet")
                 .short('q')
@@ -99,7 +110,10 @@ fn run(matches: &ArgMatches) -> Result<(), Failure> {
     if let Some(&threads) = matches.get_one::<u16>("threads") {
         rayon::ThreadPoolBuilder::new().num_threads(usize::from(threads)).build_global()?;
     }
-    let Some((name, arguments)) = matches.subcommand() else { return main_job::run(&terminal) };
+    let Some((name, arguments)) = matches.subcommand() else {
+        let out = matches.get_one::<PathBuf>("out").map_or(Path::new(main_job::OUT), PathBuf::as_path);
+        return main_job::run(out, &terminal);
+    };
     match COMMANDS.iter().find(|command| command.name == name) {
         Some(command) => (command.run)(arguments, &terminal),
         None => Err(Failure::usage(format!("there is no command `{name}`"))),

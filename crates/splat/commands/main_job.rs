@@ -3,57 +3,76 @@
 //! The room is part of the program, so that a fresh build shows something at once and needs nothing else.
 
 use std::path::Path;
-use std::sync::Arc;
+use std::time::Instant;
 
-use serde::Serialize;
-use splat_core::Cloud;
+use splat_core::glam::Vec2;
+use splat_core::{Cloud, View};
 use splat_io::SourceName;
 use splat_io::cameras::{self, NamedView};
-use splat_io::picture;
-use splat_raster::cpu::CpuRasterizer;
-use splat_raster::{Rasterizer, Scene};
+use splat_segment::graph::clicks::ClickKind;
 
+use super::segment::job::{self, Job};
+use super::segment::task::{Edge, Granularity, Method, Prompt, Settings, Shape, Task};
 use crate::failure::Failure;
-use crate::paint;
-use crate::terminal::{Terminal, gaussians};
+use crate::prepare::Keep;
+use crate::terminal::Terminal;
 
 /// The generated room and its cameras; `cargo run --release --example generate_room` makes them.
 const ROOM: &[u8] = include_bytes!("../../../assets/room/scene.spz");
 const ROOM_CAMERAS: &[u8] = include_bytes!("../../../assets/room/cameras.json");
-/// Where the results go, in the current folder.
-const OUT: &str = "splat-room";
+/// Where the results go, in the current folder, where nothing else is named.
+pub(crate) const OUT: &str = "splat-room";
 
-#[derive(Serialize)]
-struct Report {
-    gaussians: usize,
-    pictures: Vec<String>,
-}
+/// The camera that looks at the teddy bear on the rug, a pixel of the bear, and one of the hat that it wears.
+const CAMERA: usize = 27;
+const BEAR: Vec2 = Vec2::new(434.5, 408.5);
+const HAT: Vec2 = Vec2::new(437.5, 318.5);
 
-/// Does the main job on the room.
+/// Does the main job on the room: one click on the bear, one to leave its hat behind.
 ///
 /// # Errors
 /// [`Failure::Failed`] if the results cannot be written.
-pub(crate) fn run(terminal: &Terminal) -> Result<(), Failure> {
-    let (cloud, views) = room()?;
-    let out = Path::new(OUT);
-    std::fs::create_dir_all(out).map_err(|e| {
-        Failure::failed(format!("the folder `{OUT}` cannot be made here ({e}); go to a folder that you may write to"))
-    })?;
-    let mut raster = CpuRasterizer::new();
-    let scene = Scene::of(Arc::new(cloud));
-    let mut pictures = Vec::new();
-    let working = terminal.progress("drawing the room", Some(views.len() as u64));
-    for (k, named) in views.iter().enumerate().step_by(views.len().div_ceil(4).max(1)) {
-        working.at(k as u64);
-        let color = raster.render(&scene, &named.view)?;
-        let path = out.join(format!("view_{k:02}.png"));
-        picture::write_png_rgb8(&path, named.view.width, named.view.height, &paint::over(&color, [0.0; 3]))?;
-        pictures.push(path.display().to_string());
-    }
-    drop(working);
-    let report = Report { gaussians: scene.len(), pictures };
+pub(crate) fn run(out: &Path, terminal: &Terminal) -> Result<(), Failure> {
+    let began = Instant::now();
+    let (cloud, named) = room()?;
+    let survey: Vec<View> = named.into_iter().map(|v| v.view).collect();
+    let view =
+        *survey.get(CAMERA).ok_or_else(|| Failure::failed("the built-in room has too few cameras; build again"))?;
+    let click = |at, kind| Prompt { view: 0, shape: Shape::Click(at, kind) };
+    let task = Task {
+        views: vec![view],
+        survey,
+        survey_given: true,
+        prompts: vec![click(BEAR, ClickKind::Positive), click(HAT, ClickKind::Negative)],
+        settings: Settings {
+            granularity: Granularity::Object,
+            step: None,
+            method: Method::Graph,
+            dense_views: 0,
+            theta: 0.5,
+            presegment: true,
+            boundary: Edge::Keep,
+            format: "ply".to_owned(),
+            pictures: true,
+        },
+    };
+    let job = Job { cloud: cloud.into(), file: None, task: &task, out, keep: Keep::InCache, began };
+    let (report, _) = job::run(&job, terminal)?;
     terminal.report(&report, || {
-        format!("the built-in room: {}\npictures: {}", gaussians(report.gaussians), report.pictures.join(", "))
+        let at = |name: &str| out.join(name).display().to_string();
+        [
+            "The main job on the built-in room: one click on the teddy bear, one to leave its hat behind.".to_owned(),
+            report.text(),
+            String::new(),
+            format!("  {:<32} where was clicked", at("view.png")),
+            format!("  {:<32} what that selected", at("selection.png")),
+            format!("  {:<32} what the first click could have meant", at("proposals.png")),
+            format!("  {:<32} the bear by itself, from four sides", at("object.png")),
+            format!("  {:<32} the room without it", at("rest.png")),
+            String::new(),
+            "Next: splat segment YOUR.ply --camera cameras.json#0 --click X,Y -o DIR".to_owned(),
+        ]
+        .join("\n")
     })
 }
 

@@ -23,8 +23,8 @@ const POSITIVE: [u8; 3] = [40, 190, 90];
 const NEGATIVE: [u8; 3] = [225, 50, 50];
 /// Behind an object by itself.
 const STUDIO: [f32; 3] = [0.80, 0.81, 0.83];
-/// Size of each of the four sides.
-const SIDE: (u32, u32) = (640, 480);
+/// Pixels of each of the four sides, across and down.
+const SIDE: u32 = 560;
 /// Opening angle of their camera, in radians: 30 degrees.
 const SIDE_FOV: f32 = 0.523_598_8;
 
@@ -121,55 +121,75 @@ fn proposals(s: &Subject<'_>, look: &Look, plain: &[u8]) -> Canvas {
 /// The object by itself from the user's side and three others, two by two.
 fn four_sides(s: &Subject<'_>, raster: &mut CpuRasterizer) -> Result<Canvas, Failure> {
     let scene = Scene::of(s.object.clone());
-    let mut sheet = Canvas::blank(2 * SIDE.0, 2 * SIDE.1, [0; 3]);
+    let mut sheet = Canvas::blank(2 * SIDE, 2 * SIDE, [0; 3]);
     for (k, view) in sides(s.object, &s.task.views[0], s.up).iter().enumerate() {
         let color = raster.render(&scene, view)?;
-        let tile = Canvas { width: SIDE.0, height: SIDE.1, rgb: studio(&color) };
+        let tile = Canvas { width: SIDE, height: SIDE, rgb: studio(&color) };
         let (column, row) = (k as u32 % 2, k as u32 / 2);
-        sheet.place(&tile, column * SIDE.0, row * SIDE.1);
+        sheet.place(&tile, column * SIDE, row * SIDE);
     }
     Ok(sheet)
 }
 
 /// Over a background that is a little darker at the bottom.
 fn studio(color: &[[f32; 4]]) -> Vec<u8> {
-    let rows = color.chunks_exact(SIDE.0 as usize).enumerate();
+    let rows = color.chunks_exact(SIDE as usize).enumerate();
     rows.flat_map(|(y, row)| {
-        let shade = 1.0 - 0.22 * y as f32 / SIDE.1 as f32;
+        let shade = 1.0 - 0.22 * y as f32 / SIDE as f32;
         paint::over(row, STUDIO.map(|v| v * shade))
     })
     .collect()
 }
 
-/// Four cameras around an object, the first on the user's side, all slightly above it.
+/// Four cameras around an object, the first on the user's side, all slightly above it and at one distance, so that sizes compare.
 fn sides(object: &Cloud, user: &View, up: Vec3) -> Vec<View> {
-    let shown: Vec<usize> = (0..object.len()).filter(|&i| object.drawable(i) && object.opacity(i) > 0.1).collect();
-    let quantile = |values: &mut Vec<f32>, share: f32| {
-        let k = ((values.len().saturating_sub(1)) as f32 * share).round() as usize;
-        if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(k, f32::total_cmp).1 }
-    };
-    let middle = |axis: usize| {
-        let mut v: Vec<f32> = shown.iter().map(|&i| object.means()[i][axis]).collect();
-        0.5 * (quantile(&mut v, 0.01) + quantile(&mut v, 0.99))
-    };
-    let center = Vec3::new(middle(0), middle(1), middle(2));
-    let mut reach: Vec<f32> =
-        shown.iter().map(|&i| object.means()[i].distance(center) + object.scale(i).max_element()).collect();
-    let radius = quantile(&mut reach, 0.985).max(1e-6);
-    let distance = 1.04 * radius / (0.5 * SIDE_FOV).sin();
+    // Stray Gaussians beyond these quantiles do not decide the framing.
+    const LOW: f32 = 0.002;
+    const HIGH: f32 = 0.998;
+    let shown: Vec<usize> = (0..object.len()).filter(|&i| object.drawable(i) && object.opacity(i) > 0.3).collect();
+    let means: Vec<Vec3> = shown.iter().map(|&i| object.means()[i]).collect();
+    let center = Vec3::from_array([0, 1, 2].map(|axis| {
+        let mut along: Vec<f32> = means.iter().map(|m| m[axis]).collect();
+        0.5 * (quantile(&mut along, LOW) + quantile(&mut along, HIGH))
+    }));
     let back = (user.pose.position - center).reject_from_normalized(up).try_normalize();
     let back = back.unwrap_or_else(|| up.any_orthonormal_vector());
     let right = up.cross(back);
-    [0.0f32, 90.0, 180.0, 270.0]
+    let (lift, level) = 18f32.to_radians().sin_cos();
+    let directions = [0.0f32, 90.0, 180.0, 270.0].map(|turn| {
+        let (sin, cos) = turn.to_radians().sin_cos();
+        level * (cos * back + sin * right) + lift * up
+    });
+    // Far enough for every mean to lie inside each picture.
+    let open = (0.5 * SIDE_FOV).tan();
+    let needed = directions.map(|direction| {
+        let pose = Pose::look_at(center + direction, center, up);
+        let mut all: Vec<f32> = (means.iter())
+            .map(|&m| {
+                let p = pose.world_from_view.transpose() * (m - center);
+                p.x.abs().max(p.y.abs()) / open - p.z
+            })
+            .collect();
+        quantile(&mut all, HIGH)
+    });
+    let distance = 1.1 * needed.into_iter().fold(1e-6, f32::max);
+    directions
         .into_iter()
-        .map(|turn| {
-            let (sin, cos) = turn.to_radians().sin_cos();
-            let (lift, level) = 18f32.to_radians().sin_cos();
-            let eye = center + distance * (level * (cos * back + sin * right) + lift * up);
-            let view = View::perspective(Pose::look_at(eye, center, up), SIDE_FOV, SIDE.0, SIDE.1);
+        .map(|direction| {
+            let pose = Pose::look_at(center + distance * direction, center, up);
+            let view = View::perspective(pose, SIDE_FOV, SIDE, SIDE);
             View { near: view.near.min(1e-3 * distance), ..view }
         })
         .collect()
+}
+
+/// Value below which `share` of the values lie; 0 without values.
+fn quantile(values: &mut [f32], share: f32) -> f32 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let k = ((values.len() - 1) as f32 * share).round() as usize;
+    *values.select_nth_unstable_by(k, f32::total_cmp).1
 }
 
 impl Canvas {
