@@ -26,8 +26,10 @@ const LEAST_WEIGHT: f32 = 1e-3;
 pub(super) const BLOCK: usize = 4;
 /// Blocks of a tile.
 pub(super) const BLOCKS: usize = (TILE / BLOCK) * (TILE / BLOCK);
+/// Splats whose blocks are found together.
+const BATCH: usize = 16;
 /// Splats between asking for a splat's memory and its use.
-const AHEAD: usize = 12;
+const AHEAD: usize = 24;
 
 type Picture = [Group<f32>; BLOCKS];
 
@@ -160,6 +162,33 @@ fn prefetch<T>(at: &T) {
     let _ = at;
 }
 
+/// Which blocks of a tile a splat reaches.
+#[derive(Clone, Copy, Default)]
+struct Reached {
+    /// A bit per block.
+    mask: u32,
+    /// Both factors of the exponent at the first pixel of each block; they are linear in the pixel, so that a part for
+    /// the pixel's place in its block is added.
+    block: [Group<f32>; 2],
+}
+
+#[inline(always)]
+fn reach<S: Simd>(s: S, splat: &Splat, corner: (usize, usize), to: &mut Reached) {
+    let x = s.splat(corner.0 as f32 + 0.5 - splat.mean[0]);
+    let y = s.splat(corner.1 as f32 + 0.5 - splat.mean[1]);
+    let (along, shear, across) = (s.splat(splat.along), s.splat(splat.shear), s.splat(splat.across));
+    let shape = Shape::new(s, splat);
+    let span = s.splat((BLOCK - 1) as f32);
+    to.mask = 0;
+    for part in 0..GROUP / S::LANES {
+        let left = s.add(s.load(&BLOCK_X, part), x);
+        let top = s.add(s.load(&BLOCK_Y, part), y);
+        to.mask |= shape.touches(s, left, top, s.add(left, span), s.add(top, span)) << (part * S::LANES);
+        s.store(&mut to.block[0], part, s.mul(along, s.fnma(shear, top, left)));
+        s.store(&mut to.block[1], part, s.mul(across, top));
+    }
+}
+
 impl Blend<'_> {
     #[inline(always)]
     fn all<S: Simd, const COLOR: bool, const PICKS: bool, const SUMS: bool>(self, s: S) {
@@ -168,112 +197,102 @@ impl Blend<'_> {
         let mut live = open::<COLOR, PICKS, SUMS>(&request, corner, pixels);
         // Thresholds at or above 1 would ask about the pixel before anything was drawn; 1/255 is the least that is.
         let threshold = 1.0 - request.outputs.first_hits.unwrap_or(2.0).max(1e-3);
-        for (n, &id) in list.iter().enumerate() {
-            if let Some(&next) = list.get(n + AHEAD) {
-                prefetch(&request.splats[next as usize]);
-                if SUMS && request.outputs.votes.is_some() {
-                    prefetch(&request.sums.total[next as usize]);
-                    for inside in request.sums.inside {
-                        prefetch(&inside[next as usize]);
+        let mut reached = [Reached::default(); BATCH];
+        'tile: for (n, batch) in list.chunks(BATCH).enumerate() {
+            // Which blocks each splat reaches, for all of the batch first: how often the loop over blocks runs is then
+            // known long before it begins, and a wrong guess of the branch predictor is cheap.
+            for (k, &id) in batch.iter().enumerate() {
+                if let Some(&next) = list.get(n * BATCH + k + AHEAD) {
+                    prefetch(&request.splats[next as usize]);
+                    if SUMS && request.outputs.votes.is_some() {
+                        prefetch(&request.sums.total[next as usize]);
+                        for inside in request.sums.inside {
+                            prefetch(&inside[next as usize]);
+                        }
                     }
                 }
+                reach(s, &request.splats[id as usize], corner, &mut reached[k]);
             }
-            let splat = &request.splats[id as usize];
-            let x = corner.0 as f32 + 0.5 - splat.mean[0];
-            let y = corner.1 as f32 + 0.5 - splat.mean[1];
-
-            let shape = Shape::new(s, splat);
-            let span = s.splat((BLOCK - 1) as f32);
-            let mut mask = 0;
-            for part in 0..parts {
-                let left = s.add(s.load(&BLOCK_X, part), s.splat(x));
-                let top = s.add(s.load(&BLOCK_Y, part), s.splat(y));
-                mask |= shape.touches(s, left, top, s.add(left, span), s.add(top, span)) << (part * S::LANES);
-            }
-            mask &= live;
-            if mask == 0 {
-                continue;
-            }
-
-            // Both factors of the exponent are linear in the pixel: a part per block and a part per pixel of a block.
-            let (along, shear, across) = (s.splat(splat.along), s.splat(splat.shear), s.splat(splat.across));
-            let mut block = [Group([0.0; GROUP]); 2];
-            let mut pixel = [(along, along); 4];
-            for part in 0..parts {
-                let dx = s.add(s.load(&BLOCK_X, part), s.splat(x));
-                let dy = s.add(s.load(&BLOCK_Y, part), s.splat(y));
-                s.store(&mut block[0], part, s.mul(along, s.fnma(shear, dy, dx)));
-                s.store(&mut block[1], part, s.mul(across, dy));
-                let (dx, dy) = (s.load(&PIXEL_X, part), s.load(&PIXEL_Y, part));
-                pixel[part] = (s.mul(along, s.fnma(shear, dy, dx)), s.mul(across, dy));
-            }
-
-            let level = s.splat(splat.level);
-            let color = [s.splat(splat.color[0]), s.splat(splat.color[1]), s.splat(splat.color[2])];
-            let (z, name) = (s.splat(splat.z), s.splat(f32::from_bits(id)));
-            let mut blocks = mask;
-            while blocks != 0 {
-                let b = blocks.trailing_zeros() as usize;
-                blocks &= blocks - 1;
-                let mut ended = 0;
+            for (k, &id) in batch.iter().enumerate() {
+                let Reached { mask, block } = &reached[k];
+                let mask = mask & live;
+                if mask == 0 {
+                    continue;
+                }
+                let splat = &request.splats[id as usize];
+                let (along, shear, across) = (s.splat(splat.along), s.splat(splat.shear), s.splat(splat.across));
+                let mut pixel = [(along, along); GROUP / 4];
                 for part in 0..parts {
-                    let t = s.load(&pixels.transmittance[b], part);
-                    let e = s.add(pixel[part].0, s.splat(block[0].0[b]));
-                    let f = s.add(pixel[part].1, s.splat(block[1].0[b]));
-                    let power = s.fnma(e, e, s.fnma(f, f, level));
-                    let alpha = s.min(exp2(s, power), s.splat(LARGEST_ALPHA));
-                    let seen = s.ge(alpha, s.splat(SMALLEST_ALPHA));
-                    // Negative where the pixel has ended, so that it stays so.
-                    let after = s.fnma(alpha, t, t);
-                    let drawn = s.and(seen, s.ge(after, s.splat(LEAST_TRANSMITTANCE)));
-                    let weight = s.zero_unless(drawn, s.mul(alpha, t));
-                    let kept = s.negative_where(s.and_not(seen, drawn), s.select(drawn, after, t));
-                    s.store(&mut pixels.transmittance[b], part, kept);
-                    ended |= s.signs(kept) << (part * S::LANES);
-                    if COLOR {
-                        for c in 0..3 {
-                            let sum = s.load(&pixels.color[c][b], part);
-                            s.store(&mut pixels.color[c][b], part, s.fma(weight, color[c], sum));
+                    let (dx, dy) = (s.load(&PIXEL_X, part), s.load(&PIXEL_Y, part));
+                    pixel[part] = (s.mul(along, s.fnma(shear, dy, dx)), s.mul(across, dy));
+                }
+                let level = s.splat(splat.level);
+                let color = [s.splat(splat.color[0]), s.splat(splat.color[1]), s.splat(splat.color[2])];
+                let (z, name) = (s.splat(splat.z), s.splat(f32::from_bits(id)));
+                let mut blocks = mask;
+                while blocks != 0 {
+                    let b = blocks.trailing_zeros() as usize;
+                    blocks &= blocks - 1;
+                    let mut ended = 0;
+                    for part in 0..parts {
+                        let t = s.load(&pixels.transmittance[b], part);
+                        let e = s.add(pixel[part].0, s.splat(block[0].0[b]));
+                        let f = s.add(pixel[part].1, s.splat(block[1].0[b]));
+                        let power = s.fnma(e, e, s.fnma(f, f, level));
+                        let alpha = s.min(exp2(s, power), s.splat(LARGEST_ALPHA));
+                        let seen = s.ge(alpha, s.splat(SMALLEST_ALPHA));
+                        // Negative where the pixel has ended, so that it stays so.
+                        let after = s.fnma(alpha, t, t);
+                        let drawn = s.and(seen, s.ge(after, s.splat(LEAST_TRANSMITTANCE)));
+                        let weight = s.zero_unless(drawn, s.mul(alpha, t));
+                        let kept = s.negative_where(s.and_not(seen, drawn), s.select(drawn, after, t));
+                        s.store(&mut pixels.transmittance[b], part, kept);
+                        ended |= s.signs(kept) << (part * S::LANES);
+                        if COLOR {
+                            for c in 0..3 {
+                                let sum = s.load(&pixels.color[c][b], part);
+                                s.store(&mut pixels.color[c][b], part, s.fma(weight, color[c], sum));
+                            }
+                        }
+                        if PICKS {
+                            if request.outputs.expected_depth {
+                                let sum = s.load(&pixels.depth[b], part);
+                                s.store(&mut pixels.depth[b], part, s.fma(weight, z, sum));
+                            }
+                            if request.outputs.median_depth {
+                                let half = s.splat(0.5);
+                                let falls = s.and(drawn, s.and(s.gt(t, half), s.ge(half, after)));
+                                let old = s.load(&pixels.median[b], part);
+                                s.store(&mut pixels.median[b], part, s.select(falls, z, old));
+                            }
+                            if request.outputs.first_hits.is_some() {
+                                let threshold = s.splat(threshold);
+                                let falls = s.and(drawn, s.and(s.gt(t, threshold), s.ge(threshold, after)));
+                                let old = s.load(&pixels.hits[b], part);
+                                s.store(&mut pixels.hits[b], part, s.select(falls, name, old));
+                            }
+                            if request.outputs.strongest {
+                                let largest = s.load(&pixels.largest[b], part);
+                                let old = s.load(&pixels.strongest[b], part);
+                                let more = s.gt(weight, largest);
+                                s.store(&mut pixels.largest[b], part, s.max(weight, largest));
+                                s.store(&mut pixels.strongest[b], part, s.select(more, name, old));
+                            }
+                        }
+                        if SUMS {
+                            s.store(&mut pixels.weights[b], part, weight);
                         }
                     }
-                    if PICKS {
-                        if request.outputs.expected_depth {
-                            let sum = s.load(&pixels.depth[b], part);
-                            s.store(&mut pixels.depth[b], part, s.fma(weight, z, sum));
-                        }
-                        if request.outputs.median_depth {
-                            let half = s.splat(0.5);
-                            let falls = s.and(drawn, s.and(s.gt(t, half), s.ge(half, after)));
-                            let old = s.load(&pixels.median[b], part);
-                            s.store(&mut pixels.median[b], part, s.select(falls, z, old));
-                        }
-                        if request.outputs.first_hits.is_some() {
-                            let threshold = s.splat(threshold);
-                            let falls = s.and(drawn, s.and(s.gt(t, threshold), s.ge(threshold, after)));
-                            let old = s.load(&pixels.hits[b], part);
-                            s.store(&mut pixels.hits[b], part, s.select(falls, name, old));
-                        }
-                        if request.outputs.strongest {
-                            let largest = s.load(&pixels.largest[b], part);
-                            let old = s.load(&pixels.strongest[b], part);
-                            let more = s.gt(weight, largest);
-                            s.store(&mut pixels.largest[b], part, s.max(weight, largest));
-                            s.store(&mut pixels.strongest[b], part, s.select(more, name, old));
-                        }
-                    }
-                    if SUMS {
-                        s.store(&mut pixels.weights[b], part, weight);
+                    if ended == 0xffff {
+                        live &= !(1 << b);
                     }
                 }
-                if ended == 0xffff {
-                    live &= !(1 << b);
+                if SUMS {
+                    sum(s, &request, pixels, mask, id as usize);
                 }
-            }
-            if SUMS {
-                sum(s, &request, pixels, mask, id as usize);
-            }
-            if live == 0 {
-                break;
+                if live == 0 {
+                    break 'tile;
+                }
             }
         }
         request.canvas.write(request.outputs, request.size, corner, pixels);
