@@ -51,7 +51,8 @@ pub(crate) fn find(folder: &Path) -> Result<Vec<SceneFolder>, Failure> {
 }
 
 fn search(folder: &Path, prefix: &str, depth: usize, found: &mut Vec<SceneFolder>) -> Result<(), Failure> {
-    let unreadable = |e: std::io::Error| Failure::failed(format!("the folder cannot be read ({e}): {}", folder.display()));
+    let unreadable =
+        |e: std::io::Error| Failure::failed(format!("the folder cannot be read ({e}): {}", folder.display()));
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let path = entry.map_err(unreadable)?.path();
         let Some(last) = path.file_name().filter(|_| path.is_dir()) else { continue };
@@ -145,13 +146,16 @@ pub(crate) fn read(
         held_back,
         prompts,
     };
-    scene.check().map_err(|e| Failure::failed(format!("the scene does not fit together ({e}): {}", folder.path.display())))?;
+    scene
+        .check()
+        .map_err(|e| Failure::failed(format!("the scene does not fit together ({e}): {}", folder.path.display())))?;
     Ok(scene)
 }
 
 /// The file `scene.*` of a format that can be read; a PLY before any other, then by name.
 fn splat_file(folder: &Path) -> Result<PathBuf, Failure> {
-    let unreadable = |e: std::io::Error| Failure::failed(format!("the folder cannot be read ({e}): {}", folder.display()));
+    let unreadable =
+        |e: std::io::Error| Failure::failed(format!("the folder cannot be read ({e}): {}", folder.display()));
     let mut names = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(unreadable)? {
         let name = entry.map_err(unreadable)?.file_name().to_string_lossy().into_owned();

@@ -244,7 +244,8 @@ impl Report {
         for scene in &self.scenes {
             text.push_str(&format!("{}\n", scene.scene));
             for object in &scene.objects {
-                let found = || object.scores.clicks_to_found().map_or_else(|| "not reached".to_owned(), |n| n.to_string());
+                let found =
+                    || object.scores.clicks_to_found().map_or_else(|| "not reached".to_owned(), |n| n.to_string());
                 text.push_str(&object.scores.line(&object.name, found));
             }
         }

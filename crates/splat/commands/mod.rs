@@ -7,6 +7,7 @@ mod cameras;
 mod check;
 mod completions;
 mod convert;
+mod eval;
 mod info;
 mod list;
 pub(crate) mod main_job;
@@ -47,6 +48,7 @@ pub(crate) static COMMANDS: &[Command] = &[
     replay::COMMAND,
     select::COMMAND,
     orient::COMMAND,
+    eval::COMMAND,
     bench::COMMAND,
     list::COMMAND,
     completions::COMMAND,

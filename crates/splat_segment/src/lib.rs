@@ -8,6 +8,7 @@ pub mod boundary;
 pub mod diagnosis;
 mod distance;
 mod error;
+pub mod eval;
 pub mod presegment;
 pub mod project;
 mod run;
