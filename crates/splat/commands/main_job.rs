@@ -23,12 +23,11 @@ const ROOM_CAMERAS: &[u8] = include_bytes!("../../../assets/room/cameras.json");
 /// Where the results go, in the current folder, where nothing else is named.
 pub(crate) const OUT: &str = "splat-room";
 
-/// The camera that looks at the teddy bear on the rug, a pixel of the bear, and one of the hat that it wears.
+/// The camera that looks at the teddy bear on the rug, and a pixel of the bear.
 const CAMERA: usize = 27;
 const BEAR: Vec2 = Vec2::new(434.5, 408.5);
-const HAT: Vec2 = Vec2::new(437.5, 318.5);
 
-/// Does the main job on the room: one click on the bear, one to leave its hat behind.
+/// Does the main job on the room: one click on the bear, which wears a hat.
 ///
 /// # Errors
 /// [`Failure::Failed`] if the results cannot be written.
@@ -38,12 +37,11 @@ pub(crate) fn run(out: &Path, terminal: &Terminal) -> Result<(), Failure> {
     let survey: Vec<View> = named.into_iter().map(|v| v.view).collect();
     let view =
         *survey.get(CAMERA).ok_or_else(|| Failure::failed("the built-in room has too few cameras; build again"))?;
-    let click = |at, kind| Prompt { view: 0, shape: Shape::Click(at, kind) };
     let task = Task {
         views: vec![view],
         survey,
         survey_given: true,
-        prompts: vec![click(BEAR, ClickKind::Positive), click(HAT, ClickKind::Negative)],
+        prompts: vec![Prompt { view: 0, shape: Shape::Click(BEAR, ClickKind::Positive) }],
         settings: Settings {
             granularity: Granularity::Object,
             step: None,
@@ -61,12 +59,12 @@ pub(crate) fn run(out: &Path, terminal: &Terminal) -> Result<(), Failure> {
     terminal.report(&report, || {
         let at = |name: &str| out.join(name).display().to_string();
         [
-            "The main job on the built-in room: one click on the teddy bear, one to leave its hat behind.".to_owned(),
+            "The main job on the built-in room: one click on the teddy bear.".to_owned(),
             report.text(),
             String::new(),
             format!("  {:<32} where was clicked", at("view.png")),
             format!("  {:<32} what that selected", at("selection.png")),
-            format!("  {:<32} what the first click could have meant", at("proposals.png")),
+            format!("  {:<32} what else the click could have meant", at("proposals.png")),
             format!("  {:<32} the bear by itself, from four sides", at("object.png")),
             format!("  {:<32} the room without it", at("rest.png")),
             String::new(),

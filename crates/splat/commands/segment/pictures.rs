@@ -122,7 +122,8 @@ fn proposals(s: &Subject<'_>, look: &Look, plain: &[u8]) -> Canvas {
 fn four_sides(s: &Subject<'_>, raster: &mut CpuRasterizer) -> Result<Canvas, Failure> {
     let scene = Scene::of(s.object.clone());
     let mut sheet = Canvas::blank(2 * SIDE, 2 * SIDE, [0; 3]);
-    for (k, view) in sides(s.object, &s.task.views[0], s.up).iter().enumerate() {
+    let views = framed(sides(s.object, &s.task.views[0], s.up), &scene, raster)?;
+    for (k, view) in views.iter().enumerate() {
         let color = raster.render(&scene, view)?;
         let tile = Canvas { width: SIDE, height: SIDE, rgb: studio(&color) };
         let (column, row) = (k as u32 % 2, k as u32 / 2);
@@ -141,46 +142,60 @@ fn studio(color: &[[f32; 4]]) -> Vec<u8> {
     .collect()
 }
 
-/// Four cameras around an object, the first on the user's side, all slightly above it and at one distance, so that sizes compare.
-fn sides(object: &Cloud, user: &View, up: Vec3) -> Vec<View> {
-    // Stray Gaussians beyond these quantiles do not decide the framing.
-    const LOW: f32 = 0.002;
-    const HIGH: f32 = 0.998;
+/// Four cameras around an object, the first on the user's side, all slightly above it and with one scale, so that sizes compare.
+fn sides(object: &Cloud, user: &View, up: Vec3) -> [View; 4] {
     let shown: Vec<usize> = (0..object.len()).filter(|&i| object.drawable(i) && object.opacity(i) > 0.3).collect();
-    let means: Vec<Vec3> = shown.iter().map(|&i| object.means()[i]).collect();
-    let center = Vec3::from_array([0, 1, 2].map(|axis| {
-        let mut along: Vec<f32> = means.iter().map(|m| m[axis]).collect();
-        0.5 * (quantile(&mut along, LOW) + quantile(&mut along, HIGH))
-    }));
+    let middle = |axis: usize| {
+        let mut along: Vec<f32> = shown.iter().map(|&i| object.means()[i][axis]).collect();
+        0.5 * (quantile(&mut along, 0.01) + quantile(&mut along, 0.99))
+    };
+    let center = Vec3::new(middle(0), middle(1), middle(2));
+    let reach = |&i: &usize| object.means()[i].distance(center) + object.scale(i).max_element();
+    let radius = quantile(&mut shown.iter().map(reach).collect::<Vec<f32>>(), 0.998).max(1e-6);
+    let distance = radius / (0.5 * SIDE_FOV).sin();
     let back = (user.pose.position - center).reject_from_normalized(up).try_normalize();
     let back = back.unwrap_or_else(|| up.any_orthonormal_vector());
     let right = up.cross(back);
-    let (lift, level) = 18f32.to_radians().sin_cos();
-    let directions = [0.0f32, 90.0, 180.0, 270.0].map(|turn| {
+    [0.0f32, 90.0, 180.0, 270.0].map(|turn| {
         let (sin, cos) = turn.to_radians().sin_cos();
-        level * (cos * back + sin * right) + lift * up
-    });
-    // Far enough for every mean to lie inside each picture.
-    let open = (0.5 * SIDE_FOV).tan();
-    let needed = directions.map(|direction| {
-        let pose = Pose::look_at(center + direction, center, up);
-        let mut all: Vec<f32> = (means.iter())
-            .map(|&m| {
-                let p = pose.world_from_view.transpose() * (m - center);
-                p.x.abs().max(p.y.abs()) / open - p.z
-            })
-            .collect();
-        quantile(&mut all, HIGH)
-    });
-    let distance = 1.1 * needed.into_iter().fold(1e-6, f32::max);
-    directions
-        .into_iter()
-        .map(|direction| {
-            let pose = Pose::look_at(center + distance * direction, center, up);
-            let view = View::perspective(pose, SIDE_FOV, SIDE, SIDE);
-            View { near: view.near.min(1e-3 * distance), ..view }
-        })
-        .collect()
+        let (lift, level) = 18f32.to_radians().sin_cos();
+        let eye = center + distance * (level * (cos * back + sin * right) + lift * up);
+        let view = View::perspective(Pose::look_at(eye, center, up), SIDE_FOV, SIDE, SIDE);
+        View { near: view.near.min(1e-3 * distance), ..view }
+    })
+}
+
+/// Shifts and enlarges the pictures of the four sides so that what is solid in them fills them. Bounds of means cannot tell: a
+/// few large Gaussians may be half of the object, and a few small ones far off may be nothing.
+fn framed(mut views: [View; 4], scene: &Scene, raster: &mut CpuRasterizer) -> Result<[View; 4], Failure> {
+    const SMALL: u32 = 160;
+    let scale = SIDE as f32 / SMALL as f32;
+    let mut boxes = [None; 4];
+    for (view, found) in views.iter().zip(&mut boxes) {
+        let color = raster.render(scene, &view.resized(SMALL, SMALL))?;
+        let solid = |x: u32, y: u32| x < SMALL && y < SMALL && color[(y * SMALL + x) as usize][3] > 0.4;
+        for (x, y) in (0..SMALL).flat_map(|y| (0..SMALL).map(move |x| (x, y))) {
+            // Single pixels are floaters.
+            let around = [(x + 1, y), (x.wrapping_sub(1), y), (x, y + 1), (x, y.wrapping_sub(1))];
+            if solid(x, y) && around.iter().filter(|&&(x, y)| solid(x, y)).count() >= 3 {
+                let (low, high) = found.get_or_insert((Vec2::MAX, Vec2::MIN));
+                let at = Vec2::new(x as f32, y as f32);
+                (*low, *high) = (low.min(at), high.max(at + 1.0));
+            }
+        }
+    }
+    let largest = boxes.iter().flatten().map(|(low, high)| (*high - *low).max_element()).fold(0.0, f32::max);
+    if largest <= 0.0 {
+        return Ok(views);
+    }
+    let zoom = 0.84 * SIDE as f32 / (largest * scale);
+    for (view, found) in views.iter_mut().zip(boxes) {
+        let middle = found.map_or(Vec2::splat(0.5 * SIDE as f32), |(low, high)| 0.5 * scale * (low + high));
+        let i = &mut view.intrinsics;
+        (i.cx, i.cy) = (zoom * (i.cx - middle.x) + 0.5 * SIDE as f32, zoom * (i.cy - middle.y) + 0.5 * SIDE as f32);
+        (i.fx, i.fy) = (zoom * i.fx, zoom * i.fy);
+    }
+    Ok(views)
 }
 
 /// Value below which `share` of the values lie; 0 without values.
