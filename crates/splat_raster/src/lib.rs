@@ -6,6 +6,32 @@
 //! `q_i` is the Mahalanobis distance under the projected covariance plus 0.3 px^2 on both diagonal entries, or the
 //! antialiased (mip) form where [`Source::antialiased`](splat_core::Source::antialiased) says so.
 //!
+//! ```
+//! use std::sync::Arc;
+//! use splat_core::glam::{Quat, Vec3};
+//! use splat_core::{Cloud, CloudArrays, Pose, View};
+//! use splat_raster::cpu::CpuRasterizer;
+//! use splat_raster::{Rasterizer, Scene};
+//!
+//! // One red Gaussian, seen from two units away.
+//! let cloud = Cloud::new(CloudArrays {
+//!     means: vec![Vec3::ZERO],
+//!     log_scales: vec![Vec3::splat(-1.0)],
+//!     rotations: vec![Quat::IDENTITY],
+//!     opacity_logits: vec![4.0],
+//!     sh: vec![1.7, -1.7, -1.7],
+//!     ..CloudArrays::default()
+//! })?;
+//! let scene = Scene::of(Arc::new(cloud));
+//! let pose = Pose::look_at(Vec3::new(0.0, 0.0, -2.0), Vec3::ZERO, Vec3::NEG_Y);
+//! let view = View::perspective(pose, 0.9, 64, 48);
+//! let mut rasterizer = CpuRasterizer::new();
+//! let [red, green, _, alpha] = rasterizer.render(&scene, &view)?[24 * 64 + 32];
+//! assert!(red > 0.9 && green < 0.1 && alpha > 0.9);
+//! assert_eq!(rasterizer.first_hits(&scene, &view, 0.5)?[24 * 64 + 32], 0);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
 //! Every output ([`Outputs`]) is made of these weights `w_i(p)` and nothing else, so that what is seen is what is
 //! picked, voted for and selected. An output that is not asked for costs nothing.
 

@@ -175,25 +175,25 @@ fn real_captures_equal_the_reference() {
 }
 
 #[test]
-fn avx2_and_avx512_give_the_same_bits() {
-    if !InstructionSet::Avx512.available() {
-        println!("skipped: needs AVX-512");
-        return;
-    }
+fn instruction_sets_with_the_same_rounding_give_the_same_bits() {
     let scene = Scene::of(Arc::new(common::cloud(51, 2000, 3)));
     let view = common::view(51, 200, 150);
     let features = features_of(scene.len());
     let slow = slow::draw(&Scene::default(), &view, 0, &[], 0.5);
-    let [a, b] = [InstructionSet::Avx2, InstructionSet::Avx512].map(|set| draw(&scene, &view, set, &features, &slow));
     let bits = |v: &[f32]| v.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
-    assert_eq!(bits(a.color.as_flattened()), bits(b.color.as_flattened()));
-    assert_eq!(bits(&a.features), bits(&b.features));
-    assert_eq!(bits(&a.expected_depth), bits(&b.expected_depth));
-    assert_eq!(bits(&a.median_depth), bits(&b.median_depth));
-    assert_eq!(
-        (&a.first_hits, &a.strongest, &a.visibility, &a.votes),
-        (&b.first_hits, &b.strongest, &b.visibility, &b.votes)
-    );
+    for pair in [[InstructionSet::Avx2, InstructionSet::Avx512], [InstructionSet::Portable, InstructionSet::Sse2]] {
+        if !pair.into_iter().all(InstructionSet::available) {
+            println!("skipped: needs {} and {}", pair[0].name(), pair[1].name());
+            continue;
+        }
+        let [a, b] = pair.map(|set| draw(&scene, &view, set, &features, &slow));
+        assert_eq!(bits(a.color.as_flattened()), bits(b.color.as_flattened()));
+        assert_eq!(bits(&a.features), bits(&b.features));
+        assert_eq!(bits(&a.expected_depth), bits(&b.expected_depth));
+        assert_eq!(bits(&a.median_depth), bits(&b.median_depth));
+        assert_eq!((&a.first_hits, &a.strongest), (&b.first_hits, &b.strongest));
+        assert_eq!((&a.visibility, &a.votes), (&b.visibility, &b.votes));
+    }
 }
 
 /// The captures ship the sum of weights per Gaussian over all cameras, computed by another program and rounded to

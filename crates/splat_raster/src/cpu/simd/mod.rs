@@ -4,8 +4,8 @@
 //! a function with the matching `#[target_feature]` ([`InstructionSet::run`]). The value `s: S` is a token: it exists only
 //! where the machine has the instructions, so that the kernels themselves are safe code.
 //!
-//! AVX2 and AVX-512 do the same operations in the same order with the same rounding: equal bits. The portable lanes
-//! have no fused multiply-add on x86 and may differ in the last places.
+//! AVX2 and AVX-512 do the same operations in the same order with the same rounding: equal bits. SSE2 and the portable
+//! lanes have no fused multiply-add on x86; they equal each other and may differ from the others in the last places.
 
 #[cfg(target_arch = "x86_64")]
 mod avx2;
@@ -13,6 +13,8 @@ mod avx2;
 mod avx512;
 mod math;
 mod portable;
+#[cfg(target_arch = "x86_64")]
+mod sse2;
 
 #[cfg(target_arch = "x86_64")]
 pub(super) use avx2::Avx2;
@@ -32,8 +34,10 @@ pub(super) struct Group<T>(pub(super) [T; GROUP]);
 /// An instruction set that the CPU back end can use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InstructionSet {
-    /// Four lanes, what every machine of this architecture has (SSE2, NEON).
+    /// Four lanes without instructions of any one architecture, which the compiler maps to NEON and the like.
     Portable,
+    /// Four lanes, on every x86-64.
+    Sse2,
     /// Eight lanes with fused multiply-add (x86-64-v3).
     Avx2,
     /// Sixteen lanes (x86-64-v4).
@@ -42,7 +46,7 @@ pub enum InstructionSet {
 
 impl InstructionSet {
     /// All instruction sets, slowest first.
-    pub const ALL: [Self; 3] = [Self::Portable, Self::Avx2, Self::Avx512];
+    pub const ALL: [Self; 4] = [Self::Portable, Self::Sse2, Self::Avx2, Self::Avx512];
 
     /// The fastest one of this machine.
     pub fn best() -> Self {
@@ -53,6 +57,7 @@ impl InstructionSet {
     pub fn available(self) -> bool {
         match self {
             Self::Portable => true,
+            Self::Sse2 => cfg!(target_arch = "x86_64"),
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => Avx2::new().is_some(),
             #[cfg(target_arch = "x86_64")]
@@ -66,6 +71,7 @@ impl InstructionSet {
     pub fn name(self) -> &'static str {
         match self {
             Self::Portable => "portable",
+            Self::Sse2 => "SSE2",
             Self::Avx2 => "AVX2",
             Self::Avx512 => "AVX-512",
         }
@@ -156,6 +162,7 @@ impl InstructionSet {
         #[cfg(target_arch = "x86_64")]
         match self {
             Self::Portable => {}
+            Self::Sse2 => return kernel.run(sse2::Sse2),
             Self::Avx2 => {
                 if let Some(token) = Avx2::new() {
                     return token.run(kernel);
