@@ -164,7 +164,7 @@ fn a_replay_over_another_capture_or_another_mask_is_refused() {
     assert!(code == 1 && err.contains("content hash") && err.trim().lines().count() == 1, "{err}");
     assert!(!dir.join("b").exists());
 
-    std::fs::copy(format!("{ROOM}/masks/24_hat_corr_v27.png"), dir.join("a/mask_1.png")).unwrap();
+    std::fs::copy(format!("{ROOM}/masks/24_hat_corr_v27.png"), dir.join("a/prompt_mask_1.png")).unwrap();
     let (code, _, err) = splat(&dir, &["replay", "a/session.json", "-o", "b"]);
     assert!(code == 1 && err.contains("mask") && err.trim().lines().count() == 1, "{err}");
 
@@ -187,6 +187,17 @@ fn granularity_and_the_wheel_choose_smaller_and_larger_things() {
     let steps = wheel["wheel"].as_array().unwrap();
     let pixels: Vec<f64> = steps.iter().map(|s| s["pixels"].as_f64().unwrap()).collect();
     assert!(pixels.is_sorted(), "{pixels:?}");
+}
+
+#[test]
+fn a_folder_used_again_holds_nothing_of_the_run_before() {
+    let dir = folder("again");
+    segmented(&dir, "--click 434,408 -o out");
+    std::fs::write(dir.join("out/notes.txt"), "mine").unwrap();
+    segmented(&dir, "--box 370,326,498,493 --no-pictures --format spz -o out");
+    let out = files(&dir.join("out"));
+    let names: Vec<&str> = out.keys().map(String::as_str).collect();
+    assert_eq!(names, ["notes.txt", "object.spz", "rest.spz", "selection.npy", "session.json"]);
 }
 
 #[test]
@@ -246,6 +257,14 @@ fn what_makes_no_sense_is_refused_in_one_sentence() {
     }
     let (code, _, err) = segment(&dir, &format!("--mask {mask} --box 1,1,9,9 -o out"));
     assert!(code == 2 && err.contains("mask"), "{err}");
+    // The capture itself is never written over.
+    std::fs::create_dir_all(dir.join("own")).unwrap();
+    let own = dir.join("own/object.ply");
+    std::fs::copy(format!("{ROOM}/scene.spz"), &own).unwrap();
+    let words = ["segment", "own/object.ply", "--orbit", "30,20", "--click", "640,360", "-o", "own"];
+    let (code, _, err) = splat(&dir, &words);
+    assert!(code == 1 && err.contains("written over"), "{err}");
+    assert!(std::fs::read(&own).unwrap() == std::fs::read(format!("{ROOM}/scene.spz")).unwrap());
     // Beside everything that was captured there is nothing.
     let scene = format!("{ROOM}/scene.spz");
     let nothing = ["segment", &scene, "--orbit", "0,0,1000", "--click", "5,5", "-o", "out"];

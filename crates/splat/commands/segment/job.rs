@@ -89,6 +89,7 @@ pub(crate) fn run(job: &Job<'_>, terminal: &Terminal) -> Result<(Report, Session
     let task = job.task;
     task.check()?;
     let format = writable_format(&task.settings.format)?;
+    job.spare_the_capture(format)?;
     std::fs::create_dir_all(job.out).map_err(|e| {
         Failure::failed(format!(
             "the folder cannot be made ({e}); name one that you may write to: {}",
@@ -111,6 +112,11 @@ pub(crate) fn run(job: &Job<'_>, terminal: &Terminal) -> Result<(Report, Session
     watch.lap("extract");
     drop(running);
 
+    let before = Session::read(&job.out.join(session::FILE)).ok();
+    if before.is_some() {
+        // Half of this run beside the session of another would be a lie.
+        std::fs::remove_file(job.out.join(session::FILE))?;
+    }
     let mut files = Vec::new();
     for (name, cloud) in [("object", &object), ("rest", &rest)] {
         let name = format!("{name}.{format}");
@@ -137,6 +143,9 @@ pub(crate) fn run(job: &Job<'_>, terminal: &Terminal) -> Result<(Report, Session
         watch.lap("pictures");
     }
     let hashes = hashes(job.out, &files)?;
+    if let Some(before) = before {
+        remove_stale(&before, &files, job.out);
+    }
     let capture =
         CaptureRecord { file: job.file.clone(), gaussians: job.cloud.len(), content: format!("{content:032x}") };
     let session = session::record(task, &capture, answer.selection.count(), hashes, job.out)?;
@@ -160,6 +169,38 @@ pub(crate) fn run(job: &Job<'_>, terminal: &Terminal) -> Result<(Report, Session
         files,
     };
     Ok((report, session))
+}
+
+impl Job<'_> {
+    /// Refuses to write results over the capture they come from.
+    fn spare_the_capture(&self, format: &str) -> Result<(), Failure> {
+        let Some(capture) = self.file.as_deref().and_then(|file| std::fs::canonicalize(file).ok()) else {
+            return Ok(());
+        };
+        for name in ["object", "rest"] {
+            let path = self.out.join(format!("{name}.{format}"));
+            if std::fs::canonicalize(&path).is_ok_and(|p| p == capture) {
+                return Err(Failure::failed(format!(
+                    "the capture itself would be written over; name another folder: {}",
+                    path.display()
+                )));
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Removes what an earlier run wrote into the folder and this one did not, unless somebody changed it since.
+fn remove_stale(before: &Session, files: &[String], folder: &Path) {
+    for (name, hash) in &before.files {
+        let own = Path::new(name).file_name().is_some_and(|n| n == name.as_str());
+        let path = folder.join(name);
+        let unchanged = || std::fs::read(&path).is_ok_and(|bytes| session::hash(&bytes) == *hash);
+        if own && !files.contains(name) && unchanged() {
+            // What stays is only untidy.
+            let _ = std::fs::remove_file(&path);
+        }
+    }
 }
 
 /// The extension to write captures with.

@@ -139,7 +139,7 @@ pub(crate) fn record(
                 PromptRecord::Scribble { view, points: points.iter().map(|p| pair(*p)).collect() }
             }
             Shape::Mask(mask) => {
-                let file = format!("mask_{}.png", k + 1);
+                let file = format!("prompt_mask_{}.png", k + 1);
                 picture::write_mask(folder.join(&file), mask)?;
                 PromptRecord::Mask { view, file, content: hash(mask.values()) }
             }
