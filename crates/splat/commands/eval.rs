@@ -204,60 +204,62 @@ impl Scores {
         self.clicks.iter().find(|c| c.iou_visible >= FOUND).map(|c| c.n)
     }
 
-    fn line(&self, name: &str, found: impl FnOnce() -> String) -> String {
+    /// Scores, then seconds of these stages, in columns.
+    fn line(&self, name: &str, stages: &[&str]) -> String {
         let known = |v: Option<f64>| v.map_or_else(|| "-".to_owned(), |v| format!("{v:.3}"));
         let (a, b) = (Some(self.iou_visible), Some(self.iou_weighted));
-        let scores = [a, b, self.iou_2d, self.boundary_iou_2d, self.removal_residual].map(known);
-        let mut line = format!("  {name:<26}");
-        for score in scores {
-            line.push_str(&format!(" {score:>8}"));
-        }
-        if !self.clicks.is_empty() {
-            let curve: Vec<String> = self.clicks.iter().map(|c| format!("{:.3}", c.iou_visible)).collect();
-            line.push_str(&format!("   {}   {}", curve.join(" "), found()));
-        }
-        line.push('\n');
-        line
+        let scores = [a, b, self.iou_2d, self.boundary_iou_2d, self.removal_residual];
+        let seconds = stages.iter().map(|&stage| self.seconds.get(stage).copied());
+        let cells = scores.iter().map(|&v| format!(" {:>8}", known(v)));
+        let cells: String = cells.chain(seconds.map(|v| format!(" {:>15}", known(v)))).collect();
+        format!("  {name:<26}{cells}\n")
+    }
+
+    fn curve(&self, name: &str, found: &str) -> String {
+        let points: String = self.clicks.iter().map(|c| format!(" {:>6.3}", c.iou_visible)).collect();
+        format!("  {name:<26}{points}   {found}\n")
     }
 }
 
-/// Stages in the order in which they run.
-const STAGES: [&str; 6] = ["load", "prepare", "first_click", "further_click", "box", "masks"];
+/// Stages of a scene, then those of an object, in the order in which they run.
+const STAGES: ([&str; 2], [&str; 4]) = (["load", "prepare"], ["first_click", "further_click", "box", "masks"]);
 
 impl Report {
     fn text(&self, settings: &EvalSettings) -> String {
-        let mut text = format!(
-            "method {}, prompt {}\n  {:<26} {:>8} {:>8} {:>8} {:>8} {:>8}",
-            settings.method.name(),
-            settings.prompt.name(),
-            "object",
-            "visible",
-            "weighted",
-            "2d",
-            "boundary",
-            "residual"
-        );
-        if settings.clicks > 0 {
-            text.push_str(&format!("   visible after 1 to {} clicks; clicks to {FOUND:.2}", settings.clicks));
-        }
-        text.push('\n');
+        let stages: Vec<&str> = STAGES.1.into_iter().filter(|s| self.mean.seconds.contains_key(*s)).collect();
+        let heads = ["visible", "weighted", "2d", "boundary", "residual"].map(|h| format!(" {h:>8}")).concat();
+        let heads: String =
+            std::iter::once(heads).chain(stages.iter().map(|s| format!(" {:>15}", format!("{s} s")))).collect();
+        let (method, prompt) = (settings.method.name(), settings.prompt.name());
+        let mut text = format!("method {method}, prompt {prompt}\n  {:<26}{heads}\n", "object");
         for scene in &self.scenes {
-            text.push_str(&format!("{}\n", scene.scene));
+            text.push_str(&scene.scene);
+            if let Some(object) = scene.objects.first() {
+                let seconds = &object.scores.seconds;
+                let told = STAGES.0.iter().filter_map(|&s| Some(format!("{s} {:.3} s", seconds.get(s)?)));
+                text.push_str(&format!(": {}", told.collect::<Vec<_>>().join(", ")));
+            }
+            text.push('\n');
             for object in &scene.objects {
-                let found =
-                    || object.scores.clicks_to_found().map_or_else(|| "not reached".to_owned(), |n| n.to_string());
-                text.push_str(&object.scores.line(&object.name, found));
+                text.push_str(&object.scores.line(&object.name, &stages));
             }
         }
-        let all: Vec<&Scores> = self.scenes.iter().flat_map(|s| &s.objects).map(|o| &o.scores).collect();
-        let found: Vec<u32> = all.iter().filter_map(|s| s.clicks_to_found()).collect();
-        text.push_str(&format!("all {} objects\n", all.len()));
-        text.push_str(&self.mean.line("mean", || match mean(found.iter().map(|&n| f64::from(n))) {
-            Some(clicks) => format!("{clicks:.1} for {} of {} objects", found.len(), all.len()),
-            None => "not reached".to_owned(),
-        }));
-        let stages = STAGES.iter().filter_map(|&s| Some(format!("{s} {:.3}", self.mean.seconds.get(s)?)));
-        text.push_str(&format!("mean seconds: {}\n", stages.collect::<Vec<_>>().join(", ")));
+        let objects = || self.scenes.iter().flat_map(|s| &s.objects);
+        text.push_str(&self.mean.line(&format!("mean of {}", objects().count()), &stages));
+        if settings.clicks > 0 {
+            text.push_str(&format!(
+                "visible IoU after 1 to {} clicks of a scripted user, and clicks to {FOUND:.2}\n",
+                settings.clicks
+            ));
+            for object in objects() {
+                let found = object.scores.clicks_to_found().map_or_else(|| "-".to_owned(), |n| n.to_string());
+                text.push_str(&object.scores.curve(&object.name, &found));
+            }
+            let found: Vec<f64> = objects().filter_map(|o| o.scores.clicks_to_found()).map(f64::from).collect();
+            let clicks = mean(found.iter().copied()).map_or_else(String::new, |clicks| format!("{clicks:.2}, "));
+            let told = format!("{clicks}{} of {} reach it", found.len(), objects().count());
+            text.push_str(&self.mean.curve("mean", &told));
+        }
         text
     }
 }

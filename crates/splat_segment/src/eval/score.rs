@@ -163,6 +163,9 @@ pub fn evaluate(
     if !method.answers(mode) || (clicks > 0 && !method.answers(PromptMode::Click)) {
         return Err(SegmentError::NothingToDo { what: "mask" });
     }
+    if bench.prompts.is_empty() {
+        return Ok(Vec::new());
+    }
     let mut asked = Asked::new(bench, method, raster, run)?;
     let mut scores = Vec::with_capacity(bench.prompts.len());
     let mut selections = Vec::with_capacity(bench.prompts.len());
