@@ -65,10 +65,7 @@ impl Prepared {
                 if s.inside == 0 {
                     continue;
                 }
-                let both = area(
-                    [s.low[0].max(r[0]), s.low[1].max(r[1])],
-                    [s.high[0].min(r[2]), s.high[1].min(r[3])],
-                );
+                let both = area([s.low[0].max(r[0]), s.low[1].max(r[1])], [s.high[0].min(r[2]), s.high[1].min(r[3])]);
                 let either = area(s.low, s.high) + area([r[0], r[1]], [r[2], r[3]]) - both;
                 let strength = (node.border_sum / (node.border as f32).max(1.0) + 0.01).ln();
                 let score = both / either + 0.5 * s.inside as f32 / s.pixels as f32 + 0.05 * strength;

@@ -4,6 +4,7 @@ use glam::Vec2;
 use splat_core::{SelectMode, Selection};
 use splat_raster::Frame;
 
+use super::evidence::EvidenceSettings;
 use super::look::{Look, inside_distance};
 use super::prepared::Prepared;
 use super::tree::TREES;
@@ -29,22 +30,24 @@ pub struct Change {
 }
 
 /// Number of signs the score of a change is made of.
-pub const CHANGE_SIGNS: usize = 12;
+pub const CHANGE_SIGNS: usize = 14;
 
 /// Weight of each sign.
 pub const CHANGE_WEIGHTS: [(&str, f32); CHANGE_SIGNS] = [
-    ("central", 6.087),
-    ("size", 0.500),
-    ("edge_gain", 0.640),
-    ("shape_gain", 1.590),
-    ("length_gain", 1.263),
-    ("reach", -1.305),
-    ("excess", -2.220),
-    ("bulk", -0.083),
-    ("border_gain", -1.520),
-    ("area", -0.211),
-    ("persistence", 0.563),
-    ("near", 0.488),
+    ("central", 4.452),
+    ("size", -0.546),
+    ("edge_gain", 4.099),
+    ("shape_gain", -2.837),
+    ("length_gain", -1.290),
+    ("reach", 2.631),
+    ("excess", 1.616),
+    ("bulk", 0.096),
+    ("border_gain", -0.348),
+    ("area", -0.290),
+    ("persistence", -0.351),
+    ("near", -1.338),
+    ("hidden", 0.293),
+    ("rest", 2.801),
 ];
 
 /// A selection that grows and shrinks by clicks. Patches first, single Gaussians where a click concerns a sliver.
@@ -62,12 +65,16 @@ pub struct ClickState {
 const SLIVER: f32 = 5.0;
 
 /// A change that scores less is not made; the click then changes what is right under it.
-const SURE: f32 = 1.85;
+const SURE: f32 = 1.40;
 /// A change may be taken whole, or only as far from the click as these many radii of the error.
 const REACHES: [f32; 3] = [f32::INFINITY, 8.0, 3.0];
 
 /// Nobody clicks the middle of an error to mean one that is this many squared radii large.
 const ERROR_AREA: f32 = 32.0;
+/// Nor one of which the view shows so little: its mass over the pixels shown.
+const HIDDEN: f32 = 25.0;
+/// Nor a negative click to throw nearly everything away.
+const LEAST_REST: f32 = 0.35;
 
 impl ClickState {
     /// Starts from a set of patches that a click on `patch` chose.
@@ -156,6 +163,8 @@ impl ClickState {
         let depth = look.view.to_view(center).z.max(look.view.near);
         let unit = look.view.unproject(Vec2::new(1.0, 0.0), depth) - look.view.unproject(Vec2::ZERO, depth);
         let radius_3d = radius * unit.length();
+        // Masses count pixels of the preparation's pictures.
+        let look_scale = EvidenceSettings::default().pixels as f32 / (look.view.width as f32 * look.view.height as f32);
         for tree in &prepared.trees {
             for node in tree.ancestors(patch) {
                 let inside = tree.patches(node);
@@ -164,8 +173,7 @@ impl ClickState {
                 }
                 for reach in REACHES {
                     let near = |p: u32| {
-                        p == patch
-                            || prepared.graph.patches[p as usize].center.distance(center) <= reach * radius_3d
+                        p == patch || prepared.graph.patches[p as usize].center.distance(center) <= reach * radius_3d
                     };
                     let change = Selection::from_ids(
                         prepared.patch_count(),
@@ -191,6 +199,14 @@ impl ClickState {
                     let most = distance.iter().copied().fold(0.0, f32::max);
                     let (here, most) = (distance[pixel].min(1e5), most.min(1e5));
                     let mass = masses(&change);
+                    let unseen = mass / (area * look_scale + 1.0);
+                    if change.count() > 1 && unseen > HIDDEN {
+                        continue;
+                    }
+                    let rest = if wanted { 1.0 } else { (1.0 - mass / own_mass).max(0.0) };
+                    if rest < LEAST_REST {
+                        continue;
+                    }
                     let node = &tree.nodes[node as usize];
                     let parent = &tree.nodes[node.parent as usize];
                     let signs = [
@@ -206,6 +222,8 @@ impl ClickState {
                         ((area + 1.0) / (3.15 * radius * radius + 1.0)).ln(),
                         ((parent.height + 1e-3) / (node.height + 1e-3)).ln().min(3.0),
                         if reach.is_finite() { 1.0 } else { 0.0 },
+                        (unseen + 0.1).ln(),
+                        (rest + 0.05).ln(),
                     ];
                     let score = signs.iter().zip(&CHANGE_WEIGHTS).map(|(s, (_, w))| s * w).sum();
                     seen.push(change.clone());

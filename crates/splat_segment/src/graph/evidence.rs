@@ -6,9 +6,8 @@
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use splat_core::View;
-use splat_core::color;
-use splat_raster::{Frame, Outputs, Rasterizer, Scene};
+use splat_core::{Cloud, View, color};
+use splat_raster::{Features, Frame, Outputs, Rasterizer, Scene};
 
 use crate::views::evenly_spaced;
 use crate::{Run, SegmentError};
@@ -24,7 +23,7 @@ pub struct EvidenceSettings {
 
 impl Default for EvidenceSettings {
     fn default() -> Self {
-        Self { views: 16, pixels: 76_800 }
+        Self { views: 12, pixels: 76_800 }
     }
 }
 
@@ -55,13 +54,16 @@ impl Evidence {
         run: &Run,
     ) -> Result<Self, SegmentError> {
         let count = scene.len();
-        let mut sums = Self {
-            pixels: vec![0; count],
-            lab: vec![Vec3::ZERO; count],
-            normal: vec![Vec3::ZERO; count],
-        };
+        let mut sums = Self { pixels: vec![0; count], lab: vec![Vec3::ZERO; count], normal: vec![Vec3::ZERO; count] };
         let chosen = evenly_spaced(views.len(), settings.views);
-        let outputs = Outputs { color: true, median_depth: true, strongest: true, ..Outputs::default() };
+        // Base colours: what shines differently from view to view is still one thing, and SH would cost half the frame.
+        let colors: Vec<f32> = scene
+            .instances
+            .iter()
+            .flat_map(|i| (0..i.cloud.len()).flat_map(|g| base_color(&i.cloud, g).to_array()))
+            .collect();
+        let features = Some(Features { channels: 3, values: &colors });
+        let outputs = Outputs { features, median_depth: true, strongest: true, ..Outputs::default() };
         let mut frame = Frame::default();
         for (done, &k) in chosen.iter().enumerate() {
             run.step("look", done, chosen.len())?;
@@ -81,15 +83,16 @@ impl Evidence {
 
     fn add(&mut self, frame: &Frame, view: &View) {
         let normals = smooth_normals(&frame.median_depth, view);
-        let lab: Vec<Vec3> = frame
-            .color
-            .par_iter()
-            .map(|&[r, g, b, a]| {
-                if a < 0.5 { Vec3::ZERO } else { color::lab_from_srgb((Vec3::new(r, g, b) / a).clamp(Vec3::ZERO, Vec3::ONE)) }
+        let seen = |pixel: usize| frame.strongest[pixel] != Frame::NO_ID && !frame.median_depth[pixel].is_nan();
+        let lab: Vec<Vec3> = (0..frame.strongest.len())
+            .into_par_iter()
+            .map(|pixel| {
+                let rgb = Vec3::from_slice(&frame.features[3 * pixel..]);
+                if seen(pixel) { color::lab_from_srgb(rgb.clamp(Vec3::ZERO, Vec3::ONE)) } else { Vec3::ZERO }
             })
             .collect();
         for (pixel, &id) in frame.strongest.iter().enumerate() {
-            if id == Frame::NO_ID || frame.color[pixel][3] < 0.5 {
+            if !seen(pixel) {
                 continue;
             }
             let g = id as usize;
@@ -98,6 +101,12 @@ impl Evidence {
             self.normal[g] += normals[pixel];
         }
     }
+}
+
+/// Base colour, black where the file has none.
+fn base_color(cloud: &Cloud, g: usize) -> Vec3 {
+    let c = cloud.base_color(g);
+    if c.is_finite() { c.max(Vec3::ZERO) } else { Vec3::ZERO }
 }
 
 /// The same camera with about `pixels` pixels, never more than it has.

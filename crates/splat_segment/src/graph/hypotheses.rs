@@ -5,9 +5,9 @@ use rayon::prelude::*;
 use splat_core::Selection;
 
 use super::look::Look;
+use super::look::inside_distance;
 use super::prepared::Prepared;
 use super::tree::TREES;
-use super::look::inside_distance;
 
 /// One thing that the click may mean.
 #[derive(Clone, Debug, PartialEq)]
@@ -38,21 +38,21 @@ pub const SIGNS: usize = 15;
 
 /// Weight, mean and spread of each sign.
 pub const WEIGHTS: [(&str, f32, f32, f32); SIGNS] = [
-    ("mass", -0.816, -3.311, 2.142),
-    ("mass_fit", -0.019, -4.685, 5.896),
-    ("edge_strength", 0.870, -0.547, 0.743),
-    ("shape_strength", 0.169, -1.074, 0.768),
-    ("border_length", 0.048, 2.969, 1.504),
-    ("persistence", 0.008, 0.235, 0.354),
-    ("agreement", 0.347, 0.810, 0.164),
-    ("central", 1.271, 0.467, 0.276),
-    ("picture_edge", 0.279, 0.123, 0.187),
-    ("raggedness", -0.010, 3.951, 1.512),
-    ("free", 0.624, 0.372, 0.292),
-    ("occluded", 0.104, 0.121, 0.179),
-    ("area", -0.224, -2.726, 1.687),
-    ("area_fit", 0.622, -2.922, 3.396),
-    ("solidity", -0.288, -1.551, 2.103),
+    ("mass", -0.193, -3.408, 2.106),
+    ("mass_fit", 0.047, -4.601, 6.060),
+    ("edge_strength", 0.496, -0.527, 0.737),
+    ("shape_strength", 0.048, -1.079, 0.753),
+    ("border_length", 0.076, 2.798, 1.472),
+    ("persistence", 0.165, 0.219, 0.350),
+    ("agreement", 0.239, 0.823, 0.156),
+    ("central", 1.233, 0.463, 0.276),
+    ("picture_edge", 0.377, 0.105, 0.169),
+    ("raggedness", -0.063, 4.067, 1.408),
+    ("free", 0.542, 0.357, 0.290),
+    ("occluded", 0.320, 0.114, 0.178),
+    ("area", -0.547, -2.799, 1.655),
+    ("area_fit", 0.537, -2.781, 3.366),
+    ("solidity", -0.284, -1.631, 1.974),
 ];
 
 /// Proposals overlap less than this (Jaccard index by mass).
@@ -101,9 +101,7 @@ impl Prepared {
                 let [count, edge, shape] = borders[t][l];
                 let agreement = (0..chains.len())
                     .filter(|&u| u != t)
-                    .map(|u| {
-                        (0..chains[u].nodes.len()).map(|k| overlaps.jaccard((t, l), (u, k))).fold(0.0, f32::max)
-                    })
+                    .map(|u| (0..chains[u].nodes.len()).map(|k| overlaps.jaccard((t, l), (u, k))).fold(0.0, f32::max))
                     .sum::<f32>()
                     / (chains.len() - 1).max(1) as f32;
                 let o = &outlines[t][l];

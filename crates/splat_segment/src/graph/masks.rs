@@ -164,8 +164,6 @@ impl Prepared {
                 voice
             })
             .collect();
-        (0..self.patch_count())
-            .map(|p| voices.iter().map(|v| v[p]).sum::<f64>() / voices.len().max(1) as f64)
-            .collect()
+        (0..self.patch_count()).map(|p| voices.iter().map(|v| v[p]).sum::<f64>() / voices.len().max(1) as f64).collect()
     }
 }

@@ -1,8 +1,8 @@
 //! [`Prepared`]: all that does not depend on where the user points.
 
 use rayon::prelude::*;
-use splat_core::{Selection, View};
 use splat_core::Neighbours;
+use splat_core::{Selection, View};
 use splat_raster::{Rasterizer, Scene};
 
 use super::edges::edges;
@@ -23,7 +23,7 @@ pub struct Prepared {
 }
 
 /// Neighbours of a Gaussian in the graph.
-const NEIGHBOURS: usize = 12;
+const NEIGHBOURS: usize = 10;
 
 impl Prepared {
     /// Takes a capture apart.

@@ -1,5 +1,7 @@
 //! Superpoints: small patches that belong to one thing (Felzenszwalb and Huttenlocher 2004, on the neighbour graph).
 
+use rayon::prelude::*;
+
 use super::edges::Edge;
 
 /// Parameters of the merging.
@@ -21,22 +23,26 @@ impl Default for SuperpointSettings {
 pub fn superpoints(count: usize, edges: &[Edge], settings: &SuperpointSettings) -> (Vec<u32>, usize) {
     let order = order_by_dissimilarity(edges);
     let mut sets = DisjointSets::new(count);
-    let mut inner = vec![0.0f32; count];
+    // Per root: its largest inner edge plus k / size, the most that the next edge may be.
+    let mut limit = vec![settings.k; count];
+    // Edges that did not join their ends the first time; all others lie inside a patch for good.
+    let mut between = Vec::new();
     for &e in &order {
-        let e = edges[e as usize];
-        let (a, b) = (sets.find(e.a), sets.find(e.b));
+        let edge = edges[e as usize];
+        let (a, b) = (sets.find(edge.a), sets.find(edge.b));
         if a == b {
             continue;
         }
-        let limit = |s: u32| inner[s as usize] + settings.k / sets.size[s as usize] as f32;
-        if e.d <= limit(a).min(limit(b)) {
-            let root = sets.union(a, b);
-            inner[root as usize] = e.d;
+        if edge.d <= limit[a as usize].min(limit[b as usize]) {
+            let root = sets.union(a, b) as usize;
+            limit[root] = edge.d + settings.k / sets.size[root] as f32;
+        } else {
+            between.push(e);
         }
     }
-    for &e in &order {
-        let e = edges[e as usize];
-        let (a, b) = (sets.find(e.a), sets.find(e.b));
+    for &e in &between {
+        let edge = edges[e as usize];
+        let (a, b) = (sets.find(edge.a), sets.find(edge.b));
         if a != b && sets.size[a as usize].min(sets.size[b as usize]) < settings.min_size {
             sets.union(a, b);
         }
@@ -44,28 +50,13 @@ pub fn superpoints(count: usize, edges: &[Edge], settings: &SuperpointSettings) 
     sets.labels()
 }
 
-/// Positions of the edges by rising dissimilarity, ties by position: a stable radix sort of 24-bit keys.
+/// Positions of the edges by rising dissimilarity, ties by position.
 fn order_by_dissimilarity(edges: &[Edge]) -> Vec<u32> {
-    // Dissimilarities are below 16: 2^-18 steps keep the order of what matters.
-    let keys: Vec<u32> = edges.iter().map(|e| ((e.d.clamp(0.0, 63.9)) * 262_144.0) as u32).collect();
-    let mut order: Vec<u32> = (0..edges.len() as u32).collect();
-    let mut other = vec![0u32; edges.len()];
-    for shift in [0, 12] {
-        let mut start = vec![0u32; 4097];
-        for &k in &keys {
-            start[(k >> shift & 4095) as usize + 1] += 1;
-        }
-        for i in 1..start.len() {
-            start[i] += start[i - 1];
-        }
-        for &e in &order {
-            let s = &mut start[(keys[e as usize] >> shift & 4095) as usize];
-            other[*s as usize] = e;
-            *s += 1;
-        }
-        std::mem::swap(&mut order, &mut other);
-    }
-    order
+    // The bits of a float that is not negative rise with its value.
+    let mut keys: Vec<u64> =
+        edges.par_iter().enumerate().map(|(i, e)| u64::from(e.d.max(0.0).to_bits()) << 32 | i as u64).collect();
+    keys.par_sort_unstable();
+    keys.into_par_iter().map(|k| k as u32).collect()
 }
 
 /// Union-find with sizes; the lower root wins ties, so that results do not depend on anything but the input.

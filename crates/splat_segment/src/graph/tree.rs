@@ -73,12 +73,66 @@ pub struct TreeSettings {
 
 /// The trees grown over every capture.
 pub const TREES: [TreeSettings; 6] = [
-    TreeSettings { color: 0.5, color_on_smooth: 0.2, pattern: 1.0, concave: 2.0, convex: 0.1, edge: 0.3, mass_power: 0.25, enclosure_power: 0.3 },
-    TreeSettings { color: 0.5, color_on_smooth: 0.2, pattern: 1.0, concave: 2.0, convex: 0.1, edge: 1.0, mass_power: 0.25, enclosure_power: 0.3 },
-    TreeSettings { color: 0.1, color_on_smooth: 0.2, pattern: 1.0, concave: 3.0, convex: 0.1, edge: 0.1, mass_power: 0.25, enclosure_power: 0.3 },
-    TreeSettings { color: 0.5, color_on_smooth: 0.2, pattern: 1.5, concave: 2.0, convex: 0.1, edge: 0.3, mass_power: 0.4, enclosure_power: 1.0 },
-    TreeSettings { color: 0.0, color_on_smooth: 0.2, pattern: 1.0, concave: 0.0, convex: 0.1, edge: 1.0, mass_power: 0.25, enclosure_power: 0.3 },
-    TreeSettings { color: 1.0, color_on_smooth: 0.6, pattern: 2.0, concave: 1.0, convex: 0.05, edge: 1.0, mass_power: 0.25, enclosure_power: 0.3 },
+    TreeSettings {
+        color: 0.5,
+        color_on_smooth: 0.2,
+        pattern: 1.0,
+        concave: 2.0,
+        convex: 0.1,
+        edge: 0.3,
+        mass_power: 0.25,
+        enclosure_power: 0.3,
+    },
+    TreeSettings {
+        color: 0.5,
+        color_on_smooth: 0.2,
+        pattern: 1.0,
+        concave: 2.0,
+        convex: 0.1,
+        edge: 1.0,
+        mass_power: 0.25,
+        enclosure_power: 0.3,
+    },
+    TreeSettings {
+        color: 0.1,
+        color_on_smooth: 0.2,
+        pattern: 1.0,
+        concave: 3.0,
+        convex: 0.1,
+        edge: 0.1,
+        mass_power: 0.25,
+        enclosure_power: 0.3,
+    },
+    TreeSettings {
+        color: 0.5,
+        color_on_smooth: 0.2,
+        pattern: 1.5,
+        concave: 2.0,
+        convex: 0.1,
+        edge: 0.3,
+        mass_power: 0.4,
+        enclosure_power: 1.0,
+    },
+    TreeSettings {
+        color: 0.0,
+        color_on_smooth: 0.2,
+        pattern: 1.0,
+        concave: 0.0,
+        convex: 0.1,
+        edge: 1.0,
+        mass_power: 0.25,
+        enclosure_power: 0.3,
+    },
+    TreeSettings {
+        color: 1.0,
+        color_on_smooth: 0.6,
+        pattern: 2.0,
+        concave: 1.0,
+        convex: 0.05,
+        edge: 1.0,
+        mass_power: 0.25,
+        enclosure_power: 0.3,
+    },
 ];
 
 impl TreeSettings {
@@ -141,7 +195,8 @@ impl MergeTree {
                 continue;
             }
             let new = nodes.len() as u32;
-            let (mut near, mut far) = (std::mem::take(&mut around[a as usize]), std::mem::take(&mut around[b as usize]));
+            let (mut near, mut far) =
+                (std::mem::take(&mut around[a as usize]), std::mem::take(&mut around[b as usize]));
             let shared = near.remove(&b).unwrap_or_default();
             far.remove(&a);
             if near.len() < far.len() {
@@ -185,8 +240,7 @@ impl MergeTree {
 
     pub(super) fn lay_out(&mut self) {
         self.run = vec![(0, 0); self.nodes.len()];
-        let roots: Vec<u32> =
-            (0..self.nodes.len() as u32).filter(|&i| self.nodes[i as usize].parent == i).collect();
+        let roots: Vec<u32> = (0..self.nodes.len() as u32).filter(|&i| self.nodes[i as usize].parent == i).collect();
         let mut stack: Vec<(u32, bool)> = roots.iter().rev().map(|&r| (r, false)).collect();
         while let Some((i, done)) = stack.pop() {
             let node = self.nodes[i as usize];
