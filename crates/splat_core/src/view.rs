@@ -129,16 +129,13 @@ impl View {
     /// Pixel coordinates and camera depth of a world point; `None` at or behind the near plane.
     pub fn project(&self, world: Vec3) -> Option<(Vec2, f32)> {
         let t = self.to_view(world);
-        // Written so that NaN fails.
-        if !(t.z > self.near) {
-            return None;
-        }
         let i = &self.intrinsics;
         let scale = match self.projection {
             Projection::Perspective => 1.0 / t.z,
             Projection::Orthographic => 1.0,
         };
-        Some((Vec2::new(i.fx * t.x * scale + i.cx, i.fy * t.y * scale + i.cy), t.z))
+        // NaN fails this comparison.
+        (t.z > self.near).then(|| (Vec2::new(i.fx * t.x * scale + i.cx, i.fy * t.y * scale + i.cy), t.z))
     }
 
     /// World position of the point seen at pixel coordinates `pixel` at camera depth `depth`.
