@@ -5,6 +5,7 @@
 mod cameras_and_moves;
 mod check;
 mod common;
+mod eval;
 mod messages;
 mod pictures;
 mod select;
