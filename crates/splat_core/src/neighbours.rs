@@ -213,6 +213,22 @@ impl KdTree {
         out
     }
 
+    /// Whether any point within `radius` of `point` (the rim included) is `good`; near ones are asked first, none after the first
+    /// good one. Ids are positions in the points the tree was made of.
+    pub fn any_within(&self, point: Vec3, radius: f32, mut good: impl FnMut(u32) -> bool) -> bool {
+        let mut found = false;
+        if radius >= 0.0 && point.is_finite() {
+            let end = key(radius * radius, u32::MAX);
+            self.walk(point, point, end, |leaf, _| {
+                let leaf = &self.leaves[leaf];
+                let mut near = leaf.distances(point).into_iter().zip(leaf.ids).filter(|near| near.0 <= radius * radius);
+                found = near.any(|(_, id)| id != NO_NEIGHBOUR && good(id));
+                if found { 0 } else { end }
+            });
+        }
+        found
+    }
+
     /// Writes the nearest others of all points of the leaves `range`, in the tree's order, `k` keys each.
     #[inline(always)]
     fn answer(&self, range: Range<usize>, k: usize, out: &mut [Key]) {
@@ -324,7 +340,8 @@ fn build(entries: &mut [(Vec3, u32)], leaves: &mut [Leaf], nodes: &mut [Node]) {
     if parallel {
         rayon::join(left, right);
     } else {
-        (left(), right());
+        left();
+        right();
     }
 }
 

@@ -133,6 +133,32 @@ impl Selection {
         self.clear_tail();
     }
 
+    /// Inverts the Gaussians `range`.
+    ///
+    /// # Panics
+    /// If the range ends beyond [`Selection::len`].
+    pub fn toggle(&mut self, range: std::ops::Range<usize>) {
+        assert!(range.end <= self.len, "Gaussians up to {} of {}", range.end, self.len);
+        let mut at = range.start;
+        while at < range.end {
+            let (word, bit) = (at / 64, at % 64);
+            let count = (64 - bit).min(range.end - at);
+            self.words[word] ^= (u64::MAX >> (64 - count)) << bit;
+            at += count;
+        }
+    }
+
+    /// Selected where `inside(i)`, asked on several threads.
+    pub fn from_fn_parallel(len: usize, inside: impl Fn(usize) -> bool + Sync) -> Self {
+        use rayon::prelude::*;
+        let word = |k: usize| {
+            let first = k * 64;
+            (first..len.min(first + 64)).fold(0, |word, i| word | u64::from(inside(i)) << (i - first))
+        };
+        let words = (0..len.div_ceil(64)).into_par_iter().with_min_len(64).map(word).collect();
+        Self { words, len }
+    }
+
     /// Selected positions, rising.
     pub fn iter(&self) -> impl Iterator<Item = usize> + '_ {
         self.words.iter().enumerate().flat_map(|(k, &w)| {
@@ -163,10 +189,82 @@ impl Selection {
     }
 
     fn clear_tail(&mut self) {
-        if !self.len.is_multiple_of(64) {
-            if let Some(last) = self.words.last_mut() {
-                *last &= (1 << (self.len % 64)) - 1;
+        if !self.len.is_multiple_of(64)
+            && let Some(last) = self.words.last_mut()
+        {
+            *last &= (1 << (self.len % 64)) - 1;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn some(seed: usize, len: usize) -> Selection {
+        Selection::from_fn(len, |i| (i * 7 + seed * 13) % 5 < 2)
+    }
+
+    #[test]
+    fn modes_are_the_set_operations_they_are_named_after() {
+        for len in [0, 1, 64, 65, 200] {
+            let (a, b) = (some(1, len), some(2, len));
+            for mode in [SelectMode::New, SelectMode::Add, SelectMode::Subtract, SelectMode::Intersect] {
+                let mut fast = a.clone();
+                fast.apply(mode, &b);
+                let slow = Selection::from_fn(len, |i| match mode {
+                    SelectMode::New => b.contains(i),
+                    SelectMode::Add => a.contains(i) || b.contains(i),
+                    SelectMode::Subtract => a.contains(i) && !b.contains(i),
+                    SelectMode::Intersect => a.contains(i) && b.contains(i),
+                });
+                assert_eq!(fast, slow);
             }
         }
+    }
+
+    #[test]
+    fn bits_beyond_the_end_stay_clear() {
+        for len in [0, 1, 63, 64, 65, 130] {
+            let mut s = some(3, len);
+            let count = s.count();
+            s.invert();
+            assert_eq!(s.count(), len - count);
+            assert_eq!(Selection::all(len).count(), len);
+            assert_eq!(Selection::from_words(len, vec![u64::MAX; 9]), Selection::all(len));
+            assert_eq!(Selection::from_words(len, Vec::new()), Selection::none(len));
+            assert_eq!(Selection::from_fn_parallel(len, |i| s.contains(i)), s);
+            assert_eq!(Selection::from_ids(len, s.ids().into_iter().chain([9999])), s);
+            assert_eq!(Selection::from_words(len, s.clone().into_words()), s);
+            assert_eq!((s.len(), s.is_empty(), s.contains(len)), (len, len == 0, false));
+        }
+    }
+
+    #[test]
+    fn ranges_toggle_what_is_in_them() {
+        for (start, end) in [(0, 0), (0, 200), (3, 5), (60, 70), (64, 128), (63, 129), (199, 200)] {
+            let mut fast = some(1, 200);
+            fast.toggle(start..end);
+            assert_eq!(fast, Selection::from_fn(200, |i| some(1, 200).contains(i) != (start..end).contains(&i)));
+        }
+    }
+
+    #[test]
+    fn single_gaussians_come_and_go() {
+        let mut s = Selection::none(70);
+        s.insert(69);
+        s.insert(3);
+        assert_eq!((s.ids(), s.words()[1]), (vec![3, 69], 1 << 5));
+        s.remove(69);
+        s.remove(1000);
+        assert_eq!(s.iter().collect::<Vec<_>>(), [3]);
+    }
+
+    #[test]
+    fn jaccard_is_the_share_of_either_that_both_have() {
+        let (a, b) = (Selection::from_ids(9, [1, 2, 3]), Selection::from_ids(9, [2, 3, 4]));
+        assert_eq!(a.jaccard(&b), 0.5);
+        assert_eq!(Selection::none(9).jaccard(&Selection::none(9)), 1.0);
+        assert_eq!(a.jaccard(&Selection::none(9)), 0.0);
     }
 }

@@ -26,7 +26,7 @@ const STUDIO: [f32; 3] = [0.80, 0.81, 0.83];
 /// Pixels of each of the four sides, across and down.
 const SIDE: u32 = 560;
 /// Opening angle of their camera, in radians: 30 degrees.
-const SIDE_FOV: f32 = 0.523_598_8;
+const SIDE_FOV: f32 = std::f32::consts::FRAC_PI_6;
 
 /// A picture in the making: red, green and blue per pixel.
 struct Canvas {
@@ -79,10 +79,10 @@ pub(crate) fn make(s: &Subject<'_>, raster: &mut CpuRasterizer, folder: &Path) -
         tinted.tint(&shown);
         keep(format!("selection{ending}.png"), &tinted)?;
     }
-    if let (Some(plain), Some(look)) = (&plain, s.answer.looks.get(&0)) {
-        if s.answer.offers.proposals.len() > 1 {
-            keep("proposals.png".to_owned(), &proposals(s, look, plain))?;
-        }
+    if let (Some(plain), Some(look)) = (&plain, s.answer.looks.get(&0))
+        && s.answer.offers.proposals.len() > 1
+    {
+        keep("proposals.png".to_owned(), &proposals(s, look, plain))?;
     }
     keep("object.png".to_owned(), &four_sides(s, raster)?)?;
     let view = &s.task.views[0];

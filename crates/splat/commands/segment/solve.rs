@@ -243,13 +243,13 @@ impl Solver<'_> {
         let mut excluded = None;
         if s.dense_views > 0 {
             let mut segmentation = self.segmentation(masks)?;
-            if let Some(report) = segmentation.track(TRACKERS[0], self.raster, self.run)? {
-                if segmentation.presegment()?.is_none() {
-                    self.notes.push(format!(
+            if let Some(report) = segmentation.track(TRACKERS[0], self.raster, self.run)?
+                && segmentation.presegment()?.is_none()
+            {
+                self.notes.push(format!(
                         "the masks leave out something that other views show as the object ({:?}); nothing was ruled out by them",
                         report.verdict
                     ));
-                }
             }
             if s.method == Method::Votes {
                 return Ok(segmentation.result(self.raster, self.run)?.selection);

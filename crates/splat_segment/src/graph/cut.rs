@@ -200,13 +200,14 @@ impl CutGraph {
             let Arc { to, next, .. } = self.arcs[arc as usize];
             // Flow must be able to come from `to` (source's side) or to leave towards it (sink's side).
             let inward = self.arcs[(if side { arc } else { arc ^ 1 }) as usize].residual;
-            if inward > 0 && self.parent[to as usize] != NONE && self.sink_side[to as usize] == side {
-                if let Some(d) = self.root_distance(to) {
-                    if d < best_distance {
-                        best = arc;
-                        best_distance = d;
-                    }
-                }
+            if inward > 0
+                && self.parent[to as usize] != NONE
+                && self.sink_side[to as usize] == side
+                && let Some(d) = self.root_distance(to)
+                && d < best_distance
+            {
+                best = arc;
+                best_distance = d;
             }
             arc = next;
         }
