@@ -146,8 +146,8 @@ const TOGETHER: usize = 16;
 
 /// Scores the answers to all prompts of a scene, in their order.
 ///
-/// Deterministic but for the seconds. Cost: one picture per prompt and held-back view, one more for every
-/// [`TOGETHER`] prompts, and three per click.
+/// Deterministic but for the seconds. Cost: one picture per prompt and held-back view, one more for every sixteen
+/// prompts, and three per click.
 ///
 /// # Errors
 /// As [`BenchScene::check`]; [`SegmentError::NothingToDo`] if the method has no answer to such prompts
