@@ -17,9 +17,11 @@
 pub mod bounds;
 mod cloud;
 pub mod color;
+mod delta;
 mod mask;
 mod neighbours;
 pub mod orient;
+mod parts;
 mod selection;
 pub mod sh;
 mod shapes;
@@ -29,8 +31,10 @@ mod transformed;
 mod view;
 
 pub use cloud::{Cloud, CloudArrays, CloudError, ExtraProperty, ExtraValues, GaussianId, Source};
+pub use delta::SelectionDelta;
 pub use mask::{Mask2d, MaskError};
 pub use neighbours::{KdTree, NO_NEIGHBOUR, Neighbours};
+pub use parts::{Children, Part, PartId, Parts, PartsError, part_color};
 pub use selection::{SelectMode, Selection};
 pub use transform::Similarity;
 pub use view::{DEFAULT_NEAR, Intrinsics, Pose, Projection, View, ViewError};

@@ -127,3 +127,17 @@ fn one_thread_finds_what_many_find() {
     let one = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     assert_eq!(one.install(|| Neighbours::build(&p, 6)), Neighbours::build(&p, 6));
 }
+
+#[test]
+fn a_ball_has_a_good_point_where_a_full_search_finds_one() {
+    let p = points(41, 500);
+    let tree = KdTree::new(&p);
+    for q in points(42, 300) {
+        for (r, every) in [(0.05, 1), (0.2, 50), (2.0, 400), (0.1, 600)] {
+            let good = |id: u32| id % every == every - 1;
+            let slow = (0..500).any(|i| p[i as usize].distance_squared(q) <= r * r && good(i));
+            assert_eq!(tree.any_within(q, r, good), slow);
+        }
+    }
+    assert!(!tree.any_within(Vec3::NAN, 1.0, |_| true));
+}
