@@ -138,7 +138,7 @@ mod tests {
             for density in [2, 8, 40] {
                 let mask = Mask2d::from_fn(w, h, |_, _| {
                     seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                    (seed >> 16) % density > 0
+                    !(seed >> 16).is_multiple_of(density)
                 });
                 for width in 1..4 {
                     let mut eroded = mask.clone();

@@ -133,7 +133,7 @@ mod tests {
         for _ in 0..30 {
             let wanted = Mask2d::from_fn(12, 9, |_, _| {
                 seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                (seed >> 16) % 7 > 0
+                !(seed >> 16).is_multiple_of(7)
             });
             let click = next_click(&[(&wanted, &Mask2d::empty(12, 9))]).unwrap();
             let region = largest_region(wanted.values().iter().map(|&v| v > 0).collect(), 12).unwrap();
