@@ -2,13 +2,13 @@
 //!
 //! One road: prompt -> 2D mask -> annotation -> views and tracked masks -> votes -> selection -> part.
 
-pub mod graph;
 pub mod aggregations;
 pub mod boundary;
 pub mod diagnosis;
 mod distance;
 mod error;
 pub mod eval;
+pub mod graph;
 pub mod presegment;
 pub mod project;
 mod run;
@@ -19,6 +19,4 @@ pub mod votes;
 
 pub use error::SegmentError;
 pub use run::{Progress, Run};
-pub use segmentation::{
-    Annotation, AnnotationId, Occlusion, Presegmentation, SegmentSettings, Segmentation,
-};
+pub use segmentation::{Annotation, AnnotationId, Occlusion, Presegmentation, SegmentSettings, Segmentation};
