@@ -17,6 +17,7 @@
 pub mod bounds;
 mod cloud;
 pub mod color;
+mod criterion;
 mod delta;
 mod mask;
 mod neighbours;
@@ -31,6 +32,7 @@ mod transformed;
 mod view;
 
 pub use cloud::{Cloud, CloudArrays, CloudError, ExtraProperty, ExtraValues, GaussianId, Source};
+pub use criterion::{Criterion, Likeness, similar};
 pub use delta::SelectionDelta;
 pub use mask::{Mask2d, MaskError};
 pub use neighbours::{KdTree, NO_NEIGHBOUR, Neighbours};

@@ -394,6 +394,24 @@ impl Neighbours {
         Self { count: means.len(), k, ids, distances }
     }
 
+    /// Those neighbours j of i, at a distance, for which `stays(i, j, distance)`; lists stay in order and are filled up with
+    /// [`NO_NEIGHBOUR`].
+    pub fn filtered(&self, stays: impl Fn(usize, usize, f32) -> bool + Sync) -> Self {
+        let mut ids = vec![NO_NEIGHBOUR; self.ids.len()];
+        let mut distances = vec![f32::INFINITY; self.ids.len()];
+        if self.k > 0 {
+            let rows = ids.par_chunks_exact_mut(self.k).zip(distances.par_chunks_exact_mut(self.k)).enumerate();
+            rows.with_min_len(1 << 10).for_each(|(i, (ids, distances))| {
+                let (from, at) = self.of(i);
+                let kept = from.iter().zip(at).filter(|&(&j, &d)| j != NO_NEIGHBOUR && stays(i, j as usize, d));
+                for ((id, distance), (j, d)) in ids.iter_mut().zip(distances).zip(kept) {
+                    (*id, *distance) = (*j, *d);
+                }
+            });
+        }
+        Self { count: self.count, k: self.k, ids, distances }
+    }
+
     /// Neighbours asked for per Gaussian.
     pub fn k(&self) -> usize {
         self.k

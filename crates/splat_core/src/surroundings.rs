@@ -1,8 +1,31 @@
-//! Selections changed by what lies beside what: grow, shrink, connected pieces.
+//! Selections changed by what lies beside what: grow, shrink, connected pieces, islands, holes, a smoother edge.
 
-use crate::{NO_NEIGHBOUR, Neighbours, Selection};
+use glam::Vec3;
+
+use crate::{Cloud, NO_NEIGHBOUR, Neighbours, Selection};
 
 impl Neighbours {
+    /// These neighbours without those across a gap: a neighbour stays where its distance is at most `factor` times what the two
+    /// Gaussians reach towards each other (one standard deviation each, along the line between them), or `factor` times the
+    /// spacing of either's surroundings, the smaller one (distance of the fourth neighbour).
+    ///
+    /// `factor`: 2 to 3 keeps a surface together and parts things that stand apart. Lists stay in order, filled up with
+    /// [`NO_NEIGHBOUR`] at infinite distance.
+    ///
+    /// # Panics
+    /// If the neighbours belong to a cloud of another length.
+    pub fn touching(&self, cloud: &Cloud, factor: f32) -> Self {
+        assert_eq!(self.len(), cloud.len(), "neighbours of another cloud");
+        let spacing = |i: usize| self.of(i).1.get(3).copied().unwrap_or(f32::INFINITY);
+        self.filtered(|i, j, distance| {
+            // Where there are fewer than four neighbours, the spacing is unknown and reach alone decides.
+            let spacing = Some(spacing(i).min(spacing(j))).filter(|s| s.is_finite()).unwrap_or(0.0);
+            let line = cloud.means()[j] - cloud.means()[i];
+            distance <= factor * spacing
+                || distance * distance <= factor * (reach(cloud, i, line) + reach(cloud, j, line))
+        })
+    }
+
     /// The selection and the neighbours of what is selected, `times` times.
     ///
     /// # Panics
@@ -72,6 +95,63 @@ impl Neighbours {
         let largest = self.pieces(selection).into_iter().next().unwrap_or_default();
         Selection::from_ids(selection.len(), largest)
     }
+
+    /// The selection without its pieces of fewer than `smallest` Gaussians; see [`Neighbours::pieces`].
+    pub fn without_islands(&self, selection: &Selection, smallest: usize) -> Selection {
+        let pieces = self.pieces(selection);
+        let large = pieces.iter().take_while(|piece| piece.len() >= smallest);
+        Selection::from_ids(selection.len(), large.flatten().copied())
+    }
+
+    /// The selection and its holes: pieces of what is not selected, of at most `largest` Gaussians, that lie beside something
+    /// selected. (A piece has no other unselected neighbours, so that what is beside it encloses it.)
+    pub fn filled(&self, selection: &Selection, largest: usize) -> Selection {
+        let mut outside = selection.clone();
+        outside.invert();
+        let mut beside = Selection::none(selection.len());
+        for i in 0..self.len() {
+            for &j in self.of(i).0.iter().filter(|&&j| j != NO_NEIGHBOUR) {
+                if selection.contains(i) != selection.contains(j as usize) {
+                    beside.insert(i);
+                    beside.insert(j as usize);
+                }
+            }
+        }
+        let mut filled = selection.clone();
+        for hole in self.pieces(&outside) {
+            if hole.len() <= largest && hole.iter().any(|&i| beside.contains(i as usize)) {
+                hole.iter().for_each(|&i| filled.insert(i as usize));
+            }
+        }
+        filled
+    }
+
+    /// The selection with a smoother edge: whoever is of another mind than more than `share` of its neighbours follows them; all at
+    /// once, `times` times.
+    ///
+    /// `share`: 0.5 is the plain majority, more changes less.
+    pub fn smoothed(&self, selection: &Selection, share: f32, times: u32) -> Selection {
+        assert_eq!(self.len(), selection.len(), "a selection of another cloud");
+        let mut now = selection.clone();
+        for _ in 0..times {
+            let next = Selection::from_fn_parallel(self.len(), |i| {
+                let here = now.contains(i);
+                let all = self.of(i).0.iter().filter(|&&j| j != NO_NEIGHBOUR);
+                let others = all.clone().filter(|&&j| now.contains(j as usize) != here).count();
+                here != (others as f32 > share * all.count() as f32)
+            });
+            if next == now {
+                break;
+            }
+            now = next;
+        }
+        now
+    }
+}
+
+/// One standard deviation of Gaussian `i` along `line`, times the line's length: `sqrt(line^T covariance line)`.
+fn reach(cloud: &Cloud, i: usize, line: Vec3) -> f32 {
+    (cloud.rotation(i).conjugate() * line * cloud.scale(i)).length()
 }
 
 fn root(parent: &mut [u32], mut i: u32) -> u32 {
@@ -85,9 +165,10 @@ fn root(parent: &mut [u32], mut i: u32) -> u32 {
 
 #[cfg(test)]
 mod tests {
-    use glam::Vec3;
+    use glam::Quat;
 
     use super::*;
+    use crate::CloudArrays;
 
     /// Two rows of ten along x, a unit apart in a row, the rows a hundred units apart; two neighbours each.
     fn rows() -> Neighbours {
@@ -140,5 +221,114 @@ mod tests {
         let neighbours = Neighbours::build(&[Vec3::ZERO, Vec3::NAN, Vec3::X], 2);
         assert_eq!(neighbours.grown(&Selection::from_ids(3, [0]), 9), Selection::from_ids(3, [0, 2]));
         assert_eq!(neighbours.pieces(&Selection::all(3)), [vec![0, 2], vec![1]]);
+    }
+
+    /// Points of a plane lattice, 30 by 30, a unit apart, jittered so that distances differ.
+    fn plane() -> Vec<Vec3> {
+        let jitter = |i: usize, k: usize| ((i * 7919 + k * 104_729) % 1000) as f32 * 2e-4;
+        (0..900).map(|i| Vec3::new((i % 30) as f32 + jitter(i, 1), (i / 30) as f32 + jitter(i, 2), 0.0)).collect()
+    }
+
+    fn at(x: usize, y: usize) -> usize {
+        y * 30 + x
+    }
+
+    #[test]
+    fn islands_go_and_holes_close() {
+        let neighbours = Neighbours::build(&plane(), 6);
+        let block = Selection::from_fn(900, |i| (5..20).contains(&(i % 30)) && (5..20).contains(&(i / 30)));
+        let mut holed = block.clone();
+        for (x, y) in [(8, 8), (9, 8), (15, 12)] {
+            holed.remove(at(x, y));
+        }
+        let mut dirty = holed.clone();
+        for (x, y) in [(27, 27), (27, 3), (28, 3)] {
+            dirty.insert(at(x, y));
+        }
+        assert_eq!(neighbours.without_islands(&dirty, 3), holed);
+        assert_eq!(neighbours.without_islands(&dirty, 2).count(), holed.count() + 2);
+        assert_eq!(neighbours.without_islands(&dirty, 0), dirty);
+        assert_eq!(neighbours.without_islands(&dirty, 10_000).count(), 0);
+        assert_eq!(neighbours.filled(&holed, 2), block);
+        let mut half = block.clone();
+        half.remove(at(8, 8));
+        half.remove(at(9, 8));
+        assert_eq!(neighbours.filled(&holed, 1), half);
+        assert_eq!(neighbours.filled(&holed, 0), holed);
+        assert_eq!(neighbours.filled(&Selection::none(900), 9000).count(), 0, "nothing encloses");
+        assert_eq!(
+            neighbours.filled(&block, 900),
+            Selection::all(900),
+            "the outside is a hole if so large a one is filled"
+        );
+    }
+
+    #[test]
+    fn smoothing_follows_the_majority() {
+        let neighbours = Neighbours::build(&plane(), 6);
+        let half = Selection::from_fn(900, |i| i % 30 < 15);
+        let mut rough = half.clone();
+        for (x, y) in [(4, 4), (10, 20), (25, 9), (20, 21)] {
+            rough.toggle(at(x, y)..at(x, y) + 1);
+        }
+        assert_eq!(neighbours.smoothed(&rough, 0.7, 1), half);
+        assert_eq!(neighbours.smoothed(&rough, 0.7, 0), rough);
+        // The definition.
+        let slow = Selection::from_fn(900, |i| {
+            let others =
+                neighbours.of(i).0.iter().filter(|&&j| rough.contains(j as usize) != rough.contains(i)).count();
+            rough.contains(i) != (others > 3)
+        });
+        assert_eq!(neighbours.smoothed(&rough, 0.5, 1), slow);
+    }
+
+    fn discs(means: Vec<Vec3>, scale: Vec3, rotation: Quat) -> Cloud {
+        let n = means.len();
+        Cloud::new(CloudArrays {
+            means,
+            log_scales: vec![Vec3::new(scale.x.ln(), scale.y.ln(), scale.z.ln()); n],
+            rotations: vec![rotation; n],
+            opacity_logits: vec![0.0; n],
+            sh: vec![0.0; 3 * n],
+            ..CloudArrays::default()
+        })
+        .unwrap()
+    }
+
+    #[test]
+    fn neighbours_across_a_gap_do_not_touch() {
+        // Two planes two and a half units apart; with twenty neighbours some at the rims look across.
+        let planes: Vec<Vec3> =
+            plane().into_iter().chain(plane().into_iter().map(|p| p + Vec3::new(0.0, 0.0, 2.5))).collect();
+        let small = discs(planes.clone(), Vec3::splat(0.2), Quat::IDENTITY);
+        let all = Neighbours::build(&planes, 20);
+        assert_eq!(all.pieces(&Selection::all(1800)).len(), 1);
+        assert_eq!(all.touching(&small, 1.0).pieces(&Selection::all(1800)).len(), 2);
+        // Needles that stand upright bridge it; lying ones do not.
+        let needle = Vec3::new(0.01, 0.01, 1.3);
+        let upright = discs(planes.clone(), needle, Quat::IDENTITY);
+        assert_eq!(all.touching(&upright, 1.0).pieces(&Selection::all(1800)).len(), 1);
+        let lying = discs(planes, needle, Quat::from_rotation_x(std::f32::consts::FRAC_PI_2));
+        assert_eq!(all.touching(&lying, 1.0).pieces(&Selection::all(1800)).len(), 2);
+    }
+
+    #[test]
+    fn what_touches_is_what_the_definition_says() {
+        let means = plane();
+        let cloud = discs(means.clone(), Vec3::new(0.3, 0.1, 0.5), Quat::from_rotation_z(0.4));
+        let all = Neighbours::build(&means, 8);
+        let touching = all.touching(&cloud, 1.3);
+        for i in 0..900 {
+            let kept: Vec<u32> = touching.of(i).0.iter().copied().filter(|&j| j != NO_NEIGHBOUR).collect();
+            let slow = all.of(i).0.iter().copied().filter(|&j| {
+                let j = j as usize;
+                let d = (means[j] - means[i]).normalize();
+                let sigma = |i: usize| d.dot(cloud.covariance(i) * d).sqrt();
+                let spacing = all.of(i).1[3].min(all.of(j).1[3]);
+                means[i].distance(means[j]) <= 1.3 * spacing.max(sigma(i) + sigma(j))
+            });
+            assert_eq!(kept, slow.collect::<Vec<_>>());
+            assert!(touching.of(i).1[kept.len()..].iter().all(|d| d.is_infinite()));
+        }
     }
 }
