@@ -1,6 +1,6 @@
 //! `splat segment`: a click, a box or a mask takes an object out of a capture.
 //!
-//! Options become a [`Task`](task::Task) (here), which [`job`] does: [`solve`] finds the Gaussians, [`pictures`] shows them,
+//! Options become a [`Task`] (here), which [`job`] does: [`solve`] finds the Gaussians, [`pictures`] shows them,
 //! [`session`] keeps the task so that `splat replay` can do it again.
 
 pub(crate) mod job;
