@@ -2,6 +2,15 @@
 
 use crate::SelectMode;
 
+mod distance;
+mod measure;
+mod pieces;
+mod shapes;
+
+pub use distance::Beyond;
+pub use measure::{PixelBox, Sides};
+pub use pieces::MaskPieces;
+
 /// Why bytes do not make a [`Mask2d`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
@@ -100,12 +109,7 @@ impl Mask2d {
     /// # Errors
     /// [`MaskError::SizeMismatch`] if the sizes differ; this mask is unchanged then.
     pub fn apply(&mut self, mode: SelectMode, other: &Mask2d) -> Result<(), MaskError> {
-        if (self.width, self.height) != (other.width, other.height) {
-            return Err(MaskError::SizeMismatch {
-                left: (self.width, self.height),
-                right: (other.width, other.height),
-            });
-        }
+        self.same_size(other)?;
         for (a, &b) in self.values.iter_mut().zip(&other.values) {
             *a = match mode {
                 SelectMode::New => b,
@@ -115,5 +119,47 @@ impl Mask2d {
             };
         }
         Ok(())
+    }
+
+    fn same_size(&self, other: &Mask2d) -> Result<(), MaskError> {
+        let (left, right) = ((self.width, self.height), (other.width, other.height));
+        if left == right { Ok(()) } else { Err(MaskError::SizeMismatch { left, right }) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_must_fit_the_size() {
+        assert_eq!(Mask2d::new(3, 2, vec![0; 5]), Err(MaskError::Length { width: 3, height: 2, found: 5 }));
+        let huge = Mask2d::new(u32::MAX, u32::MAX, vec![0; 5]).unwrap_err().to_string();
+        assert!(huge.contains("18446744065119617025"), "{huge}");
+        let mut mask = Mask2d::new(3, 2, vec![0, 127, 128, 255, 1, 2]).unwrap();
+        assert_eq!((mask.width(), mask.height(), mask.count()), (3, 2, 2));
+        assert!(mask.contains(2, 0) && mask.contains(0, 1) && !mask.contains(1, 0));
+        assert!(!mask.contains(3, 0) && !mask.contains(0, 2));
+        mask.values_mut()[0] = 255;
+        assert_eq!(mask.values()[0], 255);
+    }
+
+    #[test]
+    fn modes_are_the_fuzzy_set_operations() {
+        let a = Mask2d::new(4, 1, vec![0, 100, 200, 255]).unwrap();
+        let b = Mask2d::new(4, 1, vec![255, 50, 255, 0]).unwrap();
+        for (mode, wanted) in [
+            (SelectMode::New, [255, 50, 255, 0]),
+            (SelectMode::Add, [255, 100, 255, 255]),
+            (SelectMode::Subtract, [0, 100, 0, 255]),
+            (SelectMode::Intersect, [0, 50, 200, 0]),
+        ] {
+            let mut c = a.clone();
+            c.apply(mode, &b).unwrap();
+            assert_eq!(c.values(), wanted, "{mode:?}");
+        }
+        let mut c = a.clone();
+        assert!(c.apply(SelectMode::Add, &Mask2d::empty(1, 4)).is_err());
+        assert_eq!(c, a);
     }
 }
