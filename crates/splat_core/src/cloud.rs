@@ -7,6 +7,8 @@ use glam::{Mat3, Quat, Vec3};
 
 use crate::sh;
 
+mod assemble;
+
 /// Position of a Gaussian in its input file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(transparent)]

@@ -2,6 +2,10 @@
 
 use glam::Vec3;
 
+mod rotation;
+
+pub use rotation::{Rotation, mirror};
+
 /// Highest degree supported.
 pub const MAX_DEGREE: u8 = 4;
 /// Value of the constant harmonic.
@@ -65,4 +69,63 @@ pub fn color(degree: u8, sh: &[f32], d: Vec3) -> Vec3 {
         c += Vec3::new(sh[3 * k], sh[3 * k + 1], sh[3 * k + 2]) * *y;
     }
     c.max(Vec3::ZERO)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Mean over the sphere, by a product rule exact for what harmonics up to degree 4 multiply to.
+    fn mean(f: impl Fn(Vec3) -> f64) -> f64 {
+        let s = 2.0 * (10.0f64 / 7.0).sqrt();
+        let (near, far) = ((5.0 - s).sqrt() / 3.0, (5.0 + s).sqrt() / 3.0);
+        let w = 13.0 * 70f64.sqrt();
+        let nodes = [(far, 322.0 - w), (-far, 322.0 - w), (near, 322.0 + w), (-near, 322.0 + w), (0.0, 512.0)];
+        let ring = |z: f64| {
+            let r = (1.0 - z * z).sqrt();
+            let at = |k: usize| {
+                let (sin, cos) = (k as f64 / 9.0 * std::f64::consts::TAU).sin_cos();
+                f(Vec3::new((r * cos) as f32, (r * sin) as f32, z as f32))
+            };
+            (0..9).map(at).sum::<f64>() / 9.0
+        };
+        nodes.into_iter().map(|(z, weight)| weight / 1800.0 * ring(z)).sum()
+    }
+
+    #[test]
+    fn harmonics_are_orthonormal() {
+        for k in 0..25 {
+            for j in 0..=k {
+                let product = mean(|d| {
+                    let mut y = [0.0; 25];
+                    basis(4, d, &mut y);
+                    f64::from(y[k]) * f64::from(y[j])
+                });
+                let wanted = if k == j { 1.0 } else { 0.0 };
+                assert!((4.0 * std::f64::consts::PI * product - wanted).abs() < 1e-5, "{k} {j}: {product}");
+            }
+        }
+    }
+
+    #[test]
+    fn first_harmonics_have_the_signs_of_the_trained_files() {
+        let mut y = [0.0; 25];
+        basis(1, Vec3::Y, &mut y);
+        assert!(y[1] < 0.0 && y[4..].iter().all(|&v| v == 0.0), "higher bands are left alone");
+        basis(1, Vec3::Z, &mut y);
+        assert!(y[2] > 0.0);
+        basis(1, Vec3::X, &mut y);
+        assert!(y[3] < 0.0);
+    }
+
+    #[test]
+    fn colours_are_the_sum_over_half_and_never_negative() {
+        let mut sh = vec![0.0; 12];
+        sh[..3].copy_from_slice(&[1.0, -9.0, 0.0]);
+        sh[9] = -1.0;
+        let c = color(1, &sh, Vec3::X);
+        assert!((c.x - (0.5 + C0 + 0.488_602_52)).abs() < 1e-6);
+        assert_eq!((c.y, c.z), (0.0, 0.5));
+        assert_eq!((0..=4).map(coefficient_count).collect::<Vec<_>>(), [1, 4, 9, 16, 25]);
+    }
 }

@@ -1,6 +1,6 @@
-//! Clouds moved for good: [`Cloud::transformed`], and the exact rotation of spherical harmonics it needs.
+//! Clouds moved for good: [`Cloud::transformed`].
 
-use glam::{DMat3, DVec3, Mat3, Vec3};
+use glam::Vec3;
 use rayon::prelude::*;
 
 use crate::{Cloud, Similarity, sh};
@@ -23,72 +23,12 @@ impl Cloud {
         arrays.rotations.par_iter_mut().with_min_len(BLOCK).for_each(|r| *r = by.rotation * *r);
         let log = Vec3::splat(by.scale.ln());
         arrays.log_scales.par_iter_mut().with_min_len(BLOCK).for_each(|s| *s += log);
-        rotate(arrays.sh_degree, &mut arrays.sh, by.rotation_matrix());
+        let turn = sh::Rotation::new(arrays.sh_degree, by.rotation_matrix());
+        let stride = 3 * sh::coefficient_count(arrays.sh_degree);
+        arrays.sh.par_chunks_exact_mut(stride).with_min_len(BLOCK).for_each(|values| turn.apply(values));
         // Lengths fit because they were not changed.
         Cloud::new(arrays).unwrap_or_default()
     }
-}
-
-/// Rotates the coefficients of all Gaussians of a cloud; layout as in [`CloudArrays::sh`](crate::CloudArrays::sh).
-fn rotate(degree: u8, values: &mut [f32], rotation: Mat3) {
-    let bands: Vec<Vec<f32>> = (1..=degree).map(|l| sh_band_rotation(l, rotation)).collect();
-    values.par_chunks_exact_mut(3 * sh::coefficient_count(degree)).with_min_len(BLOCK).for_each(|values| {
-        let mut at = 3;
-        for (l, matrix) in (1usize..).zip(&bands) {
-            let n = 2 * l + 1;
-            let mut turned = [0.0f32; 27];
-            for (row, out) in matrix.chunks_exact(n).zip(turned.as_chunks_mut::<3>().0) {
-                for (weight, c) in row.iter().zip(values[at..].as_chunks::<3>().0) {
-                    for channel in 0..3 {
-                        out[channel] += weight * c[channel];
-                    }
-                }
-            }
-            values[at..at + 3 * n].copy_from_slice(&turned[..3 * n]);
-            at += 3 * n;
-        }
-    });
-}
-
-/// The matrix, row by row, `2 l + 1` a side, that rotates the coefficients of band `l` (1 to 4): with `c' = M c`,
-/// `c' . Y(d) = c . Y(R^T d)` for every direction d.
-///
-/// Harmonics are orthonormal, so `M_kj = integral of Y_k(d) Y_j(R^T d)` over the sphere. The integrand is a polynomial of
-/// degree 8 at most: five Gauss-Legendre nodes in z and nine even steps around it integrate that exactly.
-pub(crate) fn sh_band_rotation(l: u8, rotation: Mat3) -> Vec<f32> {
-    const STEPS: usize = 9;
-    // Roots of P_5, +-(1/3) sqrt(5 +- 2 sqrt(10/7)) and 0, with weights (322 +- 13 sqrt(70)) / 900 and 128 / 225.
-    let inner = 2.0 * (10.0f64 / 7.0).sqrt();
-    let (near, far) = ((5.0 - inner).sqrt() / 3.0, (5.0 + inner).sqrt() / 3.0);
-    let spread = 13.0 * 70f64.sqrt();
-    let (heavy, light) = ((322.0 + spread) / 900.0, (322.0 - spread) / 900.0);
-    let nodes = [(-far, light), (-near, heavy), (0.0, 128.0 / 225.0), (near, heavy), (far, light)];
-
-    let n = 2 * usize::from(l) + 1;
-    let first = usize::from(l) * usize::from(l);
-    let back = rotation.as_dmat3().transpose();
-    let band = |d: DVec3| {
-        let mut y = [0.0f32; 25];
-        sh::basis(l, d.as_vec3(), &mut y);
-        let band: [f64; 9] = std::array::from_fn(|k| if k < n { f64::from(y[first + k]) } else { 0.0 });
-        band
-    };
-    let mut matrix = vec![0.0f64; n * n];
-    for (z, weight) in nodes {
-        let across = (1.0 - z * z).sqrt();
-        for step in 0..STEPS {
-            let (sin, cos) = (std::f64::consts::TAU * step as f64 / STEPS as f64).sin_cos();
-            let d = DVec3::new(across * cos, across * sin, z);
-            let (to, from) = (band(d), band(DMat3::mul_vec3(&back, d)));
-            let area = weight * std::f64::consts::TAU / STEPS as f64;
-            for k in 0..n {
-                for j in 0..n {
-                    matrix[k * n + j] += area * to[k] * from[j];
-                }
-            }
-        }
-    }
-    matrix.into_iter().map(|v| v as f32).collect()
 }
 
 #[cfg(test)]
@@ -128,26 +68,6 @@ mod tests {
             for d in directions() {
                 let (a, b) = (sh::color(degree, before.sh_of(0), d), sh::color(degree, after.sh_of(0), rotation * d));
                 assert!(a.distance(b) < 2e-5, "degree {degree}: {a} {b}");
-            }
-        }
-    }
-
-    #[test]
-    fn matrices_of_bands_are_orthogonal_and_compose_as_rotations_do() {
-        let (a, b) = (Quat::from_rotation_y(1.1), Quat::from_euler(glam::EulerRot::ZYX, 0.3, 2.0, -0.7));
-        let matrix = |l: u8, q: Quat| sh_band_rotation(l, Mat3::from_quat(q));
-        for l in 1..=4u8 {
-            let n = 2 * usize::from(l) + 1;
-            let product =
-                |x: &[f32], y: &[f32], k: usize, j: usize| (0..n).map(|i| x[k * n + i] * y[i * n + j]).sum::<f32>();
-            let (ma, mb, mab) = (matrix(l, a), matrix(l, b), matrix(l, a * b));
-            let back = matrix(l, a.conjugate());
-            for k in 0..n {
-                for j in 0..n {
-                    assert!((product(&ma, &mb, k, j) - mab[k * n + j]).abs() < 1e-5);
-                    assert!((product(&ma, &back, k, j) - if k == j { 1.0 } else { 0.0 }).abs() < 1e-5);
-                    assert!((ma[k * n + j] - back[j * n + k]).abs() < 1e-5);
-                }
             }
         }
     }
