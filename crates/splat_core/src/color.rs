@@ -14,6 +14,19 @@ pub fn lab_from_srgb(srgb: Vec3) -> Vec3 {
     Vec3::new(116.0 * y - 16.0, 500.0 * (x - y), 200.0 * (y - z))
 }
 
+/// sRGB-encoded colour of a CIE Lab one; the inverse of [`lab_from_srgb`]. Colours that sRGB lacks come out beyond 0..=1.
+pub fn srgb_from_lab(lab: Vec3) -> Vec3 {
+    let y = (lab.x + 16.0) / 116.0;
+    let [x, y, z] = [y + lab.y / 500.0, y, y - lab.z / 200.0]
+        .map(|t| if t > 0.206_896_55 { t * t * t } else { (t - 16.0 / 116.0) / 7.787_037 });
+    let (x, z) = (x * 0.950_47, z * 1.088_83);
+    Vec3::new(
+        encoded_from_linear(3.240_454_2 * x - 1.537_138_5 * y - 0.498_531_4 * z),
+        encoded_from_linear(-0.969_266 * x + 1.876_010_8 * y + 0.041_556 * z),
+        encoded_from_linear(0.055_643_4 * x - 0.204_025_9 * y + 1.057_225_2 * z),
+    )
+}
+
 /// Linear light of one sRGB-encoded channel.
 pub fn linear_from_encoded(v: f32) -> f32 {
     if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
@@ -46,6 +59,15 @@ mod tests {
         for k in 0..=100 {
             let v = k as f32 / 100.0;
             assert!((encoded_from_linear(linear_from_encoded(v)) - v).abs() < 1e-5);
+        }
+    }
+
+    #[test]
+    fn lab_and_back_is_the_same_colour() {
+        for k in 0..1000 {
+            let srgb = Vec3::new((k % 10) as f32, (k / 10 % 10) as f32, (k / 100) as f32) / 9.0;
+            let back = srgb_from_lab(lab_from_srgb(srgb));
+            assert!(back.distance(srgb) < 1e-4, "{srgb} {back}");
         }
     }
 }

@@ -38,6 +38,6 @@ pub use neighbours::{KdTree, NO_NEIGHBOUR, Neighbours};
 pub use parts::{Children, Part, PartId, Parts, PartsError, part_color};
 pub use selection::{SelectMode, Selection};
 pub use transform::{Similarity, SimilarityError};
-pub use view::{DEFAULT_NEAR, Intrinsics, Pose, Projection, View, ViewError};
+pub use view::{DEFAULT_NEAR, Intrinsics, Orbit, Pose, Projection, View, ViewError};
 
 pub use glam;

@@ -2,6 +2,10 @@
 
 use glam::{Mat3, Vec2, Vec3};
 
+mod orbit;
+
+pub use orbit::Orbit;
+
 /// Nearest depth drawn where a view does not say otherwise, in scene units.
 pub const DEFAULT_NEAR: f32 = 0.01;
 
@@ -191,5 +195,79 @@ impl Pose {
         let right = right.normalize();
         let down = forward.cross(right);
         Self { world_from_view: Mat3::from_cols(right, down, forward), position: eye }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn view() -> View {
+        View::perspective(Pose::look_at(Vec3::new(1.0, -2.0, -5.0), Vec3::Z, Vec3::NEG_Y), 0.8, 64, 48)
+    }
+
+    #[test]
+    fn projecting_and_lifting_undo_each_other() {
+        for projection in [Projection::Perspective, Projection::Orthographic] {
+            let v = View { projection, ..view() };
+            for pixel in [Vec2::new(0.5, 0.5), Vec2::new(40.0, 3.0), Vec2::new(-9.0, 70.0)] {
+                let (back, z) = v.project(v.unproject(pixel, 3.0)).unwrap();
+                assert!(back.distance(pixel) < 1e-3 && (z - 3.0).abs() < 1e-5);
+            }
+        }
+        assert_eq!(view().to_view(view().pose.position), Vec3::ZERO);
+        assert!(view().contains(Vec2::ZERO) && !view().contains(Vec2::new(64.0, 3.0)));
+        assert!(!view().contains(Vec2::NAN));
+    }
+
+    #[test]
+    fn what_is_behind_or_nowhere_is_not_projected() {
+        let v = view();
+        assert_eq!(v.project(v.pose.position - v.forward()), None);
+        assert_eq!(v.project(v.pose.position), None);
+        assert_eq!(v.project(v.pose.position + 0.5 * v.near * v.forward()), None);
+        assert_eq!(v.project(Vec3::NAN), None);
+    }
+
+    #[test]
+    fn cameras_look_at_their_target_with_up_on_top() {
+        let v = view();
+        let (middle, _) = v.project(Vec3::Z).unwrap();
+        assert!(middle.distance(Vec2::new(32.0, 24.0)) < 1e-3);
+        assert!(v.project(Vec3::Z + 0.1 * Vec3::NEG_Y).unwrap().0.y < 24.0);
+        assert!((v.fov_y() - 0.8).abs() < 1e-6);
+        for (eye, target, up) in
+            [(Vec3::ZERO, Vec3::Y, Vec3::NEG_Y), (Vec3::ZERO, Vec3::ZERO, Vec3::Y), (Vec3::ZERO, Vec3::X, Vec3::ZERO)]
+        {
+            View { pose: Pose::look_at(eye, target, up), ..v }.check().unwrap();
+        }
+    }
+
+    #[test]
+    fn another_size_keeps_what_is_at_the_middle() {
+        let v = view();
+        let big = v.resized(200, 96);
+        assert!((big.fov_y() - v.fov_y()).abs() < 1e-6);
+        assert!(big.project(Vec3::Z).unwrap().0.distance(Vec2::new(100.0, 48.0)) < 1e-3);
+        assert_eq!(v.resized(64, 48), v);
+    }
+
+    #[test]
+    fn numbers_that_make_no_camera_are_named() {
+        let v = view();
+        v.check().unwrap();
+        assert!(matches!(View { width: 0, ..v }.check(), Err(ViewError::Size { .. })));
+        assert!(matches!(View { height: 40_000, ..v }.check(), Err(ViewError::Size { .. })));
+        let with = |change: fn(&mut View)| {
+            let mut v = v;
+            change(&mut v);
+            v.check().unwrap_err().to_string()
+        };
+        assert!(with(|v| v.intrinsics.fx = -1.0).contains("focal length along x"));
+        assert!(with(|v| v.intrinsics.fy = f32::NAN).contains("focal length along y"));
+        assert!(with(|v| v.intrinsics.cx = f32::INFINITY).contains("principal point"));
+        assert!(with(|v| v.near = -1.0).contains("near plane"));
+        assert!(with(|v| v.pose.position.y = f32::NAN).contains("position"));
+        assert!(with(|v| v.pose.world_from_view = -v.pose.world_from_view).contains("rotation"));
     }
 }
