@@ -1,0 +1,1 @@
+//! Draw, pick, select and take apart 3D Gaussian splat captures in Bevy.
