@@ -52,6 +52,9 @@ pub enum PartsError {
     /// Parts nest one level deep.
     #[error("part {} belongs to another part itself and cannot have parts; choose the upper one", .0.0)]
     Nested(PartId),
+    /// A stored table names a part more than once.
+    #[error("part {} is in the table twice; the file is damaged", .0.0)]
+    Twice(PartId),
     /// All labels are in use.
     #[error("65535 parts are the most a cloud can have; remove some")]
     Full,
@@ -87,6 +90,42 @@ impl Parts {
         let highest = labels.iter().copied().max().unwrap_or(0);
         let part = |k| Some(Part { name: format!("part {k}"), color: part_color(k), parent: None, locked: false });
         Self { labels, table: (1..=highest).map(part).collect() }
+    }
+
+    /// Parts from labels, the number of labels given out, and the rows of a table: id, name, colour, the part it belongs to, locked.
+    #[cfg(feature = "serde")]
+    pub(crate) fn from_table(
+        labels: Vec<u16>,
+        used: u16,
+        rows: impl Iterator<Item = (PartId, String, [u8; 3], Option<PartId>, bool)>,
+    ) -> Result<Self, PartsError> {
+        let mut table = vec![None; usize::from(used)];
+        for (id, name, color, parent, locked) in rows {
+            let row = slot(id).and_then(|at| table.get_mut(at)).ok_or(PartsError::Unknown(id))?;
+            if row.replace(Part { name, color, parent, locked }).is_some() {
+                return Err(PartsError::Twice(id));
+            }
+        }
+        let parts = Self { labels, table };
+        for (_, part) in parts.iter() {
+            if let Some(up) = part.parent
+                && parts.known(up)?.parent.is_some()
+            {
+                return Err(PartsError::Nested(up));
+            }
+        }
+        // A label is asked for once a run: there are far fewer of these than Gaussians.
+        for run in parts.labels.chunk_by(|a, b| a == b).filter(|run| run[0] != 0) {
+            parts.known(PartId(run[0]))?;
+        }
+        Ok(parts)
+    }
+
+    /// How many labels were given out so far, those of removed parts included.
+    #[cfg(feature = "serde")]
+    pub(crate) fn used(&self) -> u16 {
+        // `add` stops at 65,535.
+        self.table.len() as u16
     }
 
     /// Number of Gaussians of the cloud this belongs to.
