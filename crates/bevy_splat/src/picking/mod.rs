@@ -1,0 +1,1 @@
+//! Which Gaussian is under a pointer.

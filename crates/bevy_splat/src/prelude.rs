@@ -1,0 +1,7 @@
+//! Everything a scene with captures names: `use bevy_splat::prelude::*`.
+
+pub use crate::{
+    BevySplatPlugins, DefaultSplatHighlight, PartOf, SplatCloud, SplatFlags, SplatHighlight, SplatPart, SplatParts,
+    SplatSelection, SplatSubset, SplatTint, Splats, UPRIGHT,
+};
+pub use splat_core::{self, Cloud, CloudArrays, Mask2d, PartId, Parts, SelectMode, Selection, glam};

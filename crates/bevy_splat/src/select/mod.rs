@@ -1,0 +1,1 @@
+//! Messages that change what is selected.

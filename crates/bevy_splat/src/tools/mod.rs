@@ -1,0 +1,1 @@
+//! Tools that turn pointer input into selections.
