@@ -4,6 +4,7 @@ use bevy::app::PluginGroupBuilder;
 use bevy::prelude::*;
 
 use crate::components::SplatTintPlugin;
+use crate::render::SplatRenderPlugin;
 
 /// All plugins of this crate, each of which can be left out.
 #[derive(Default)]
@@ -11,6 +12,6 @@ pub struct BevySplatPlugins;
 
 impl PluginGroup for BevySplatPlugins {
     fn build(self) -> PluginGroupBuilder {
-        PluginGroupBuilder::start::<Self>().add(SplatTintPlugin)
+        PluginGroupBuilder::start::<Self>().add(SplatTintPlugin).add(SplatRenderPlugin)
     }
 }

@@ -1,5 +1,9 @@
 //! Everything a scene with captures names: `use bevy_splat::prelude::*`.
 
+pub use crate::render::{
+    SplatBackend, SplatBackground, SplatCamera, SplatDepth, SplatOrder, SplatOutline, SplatRenderPlugin,
+    SplatRenderStats,
+};
 pub use crate::{
     BevySplatPlugins, DefaultSplatHighlight, PartOf, SplatCloud, SplatFlags, SplatHighlight, SplatPart, SplatParts,
     SplatSelection, SplatSubset, SplatTint, Splats, UPRIGHT,

@@ -68,14 +68,17 @@ impl CameraView {
 
         // Bevy allows orthographic cameras to see what is behind them; here depth starts at 0, so they step back.
         let near = near_plane(clip_from_view) * lengths.z;
-        let back = near.min(0.0);
+        let back = match projection {
+            Projection::Perspective => 0.0,
+            Projection::Orthographic => near.min(0.0),
+        };
         let view = View {
             width: size.x,
             height: size.y,
             intrinsics: Intrinsics { fx: focal.x, fy: focal.y, cx: centre.x, cy: centre.y },
             projection,
             pose: Pose { world_from_view, position: transform.translation() + back * world_from_view.z_axis },
-            near: near - back,
+            near: (near - back).max(0.0),
         };
         view.check().ok()?;
         let flip = Mat4::from_cols(
@@ -87,17 +90,10 @@ impl CameraView {
         Some(Self { view, clip_from_view: clip_from_view * flip })
     }
 
-    /// How depth `d` in clip space becomes camera z where neither depends on the pixel: `(a d + b) / (c d + e)`.
-    pub(crate) fn z_from_depth(&self) -> Vec4 {
-        // d = (p z + q) / (r z + s), solved for z.
-        let [p, q, r, s] = self.depth_from_z().to_array();
-        Vec4::new(-s, q, r, -p)
-    }
-
-    /// How camera z becomes depth in clip space where neither depends on the pixel: `(a z + b) / (c z + e)`.
-    pub(crate) fn depth_from_z(&self) -> Vec4 {
-        let (depth, w) = (self.clip_from_view.row(2), self.clip_from_view.row(3));
-        Vec4::new(depth.z, depth.w, w.z, w.w)
+    /// From clip space to the view's camera space.
+    pub(crate) fn view_from_clip(&self) -> Mat4 {
+        // In f64: a far plane at 1e6 leaves f32 few digits for what is near.
+        self.clip_from_view.as_dmat4().inverse().as_mat4()
     }
 }
 
@@ -123,8 +119,9 @@ fn near_plane(clip_from_view: Mat4) -> f32 {
         let axis = DVec3::new(depth.z - at * w.z, depth.w - at * w.w, 0.0);
         axis.y / axis.x
     };
-    // A projection of the user's own may put either end at 1.
-    [reached(1.0), reached(0.0)].into_iter().filter(|z| z.is_finite()).reduce(f64::min).unwrap_or(0.0) as f32
+    // A projection of the user's own may put either end at 1. Ends behind a perspective camera are none.
+    let ends = [reached(1.0), reached(0.0)].into_iter().filter(|z| z.is_finite() && (w.w == 1.0 || *z >= 0.0));
+    ends.reduce(f64::min).unwrap_or(0.0) as f32
 }
 
 #[cfg(test)]
@@ -147,12 +144,14 @@ mod tests {
 
     fn cameras() -> Vec<(&'static str, Mat4)> {
         let perspective = PerspectiveProjection { aspect_ratio: 1.5, ..PerspectiveProjection::default() };
+        let oblique = PerspectiveProjection { near_clip_plane: Vec4::new(0.0, 0.3, -1.0, -0.1), ..perspective.clone() };
         let part = SubCameraView { full_size: UVec2::new(300, 200), offset: Vec2::new(120.0, 30.0), size: SIZE };
         let flat =
             OrthographicProjection { area: Rect::new(-3.0, -1.0, 1.5, 2.0), ..OrthographicProjection::default_3d() };
         let behind = OrthographicProjection { near: -20.0, ..flat.clone() };
         vec![
             ("perspective", perspective.get_clip_from_view()),
+            ("perspective with a tilted near plane", oblique.get_clip_from_view()),
             ("part of a perspective", perspective.get_clip_from_view_for_sub(&part)),
             ("orthographic", flat.get_clip_from_view()),
             ("orthographic from behind", behind.get_clip_from_view()),
@@ -175,10 +174,11 @@ mod tests {
                     let (pixel, depth) = by_bevy(clip_from_view, &place, point);
                     let (found, z) = own.view.project(point).expect(name);
                     assert!(found.distance(pixel) < 2e-3, "{name}: {found} for {pixel}");
-                    let [a, b, c, e] = own.depth_from_z().to_array();
-                    assert!(((a * z + b) / (c * z + e) - depth).abs() < 1e-5, "{name}: depth {depth} at {z}");
-                    let [a, b, c, e] = own.z_from_depth().to_array();
-                    assert!(((a * depth + b) / (c * depth + e) / z - 1.0).abs() < 1e-3, "{name}: z {z} at {depth}");
+                    let seen = own.view.pose.world_from_view.transpose() * (point - own.view.pose.position);
+                    let clip = own.clip_from_view * seen.extend(1.0);
+                    assert!((clip.z / clip.w - depth).abs() < 1e-5, "{name}: depth {depth} at {z}");
+                    let back = own.view_from_clip() * (clip / clip.w);
+                    assert!((back.z / back.w / z - 1.0).abs() < 1e-3, "{name}: z {z} at depth {depth}");
                 }
             }
         }

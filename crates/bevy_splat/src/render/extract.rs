@@ -1,0 +1,260 @@
+//! What the render world needs of the main one: a few `Arc`s for each entity, and what each camera sees of them.
+
+use std::any::TypeId;
+use std::sync::{Arc, Weak};
+
+use bevy::asset::{AssetId, Assets};
+use bevy::camera::primitives::Aabb;
+use bevy::camera::visibility::{NoAutoAabb, VisibleEntities};
+use bevy::camera::{Camera, Camera3d};
+use bevy::ecs::change_detection::Tick;
+use bevy::ecs::entity::EntityHashMap;
+use bevy::ecs::prelude::*;
+use bevy::log::warn_once;
+use bevy::math::{Vec3, Vec3A};
+use bevy::render::Extract;
+use bevy::transform::components::GlobalTransform;
+use splat_core::{Cloud, Selection, Similarity};
+
+use super::settings::{SplatBackend, SplatCamera};
+use crate::{SplatCloud, SplatFlags, SplatSelection, SplatSubset, SplatTint, Splats};
+
+/// The splats of the main world, as of this frame.
+#[derive(Resource, Default)]
+pub(super) struct ExtractedSplats {
+    /// By main entity; captures that are still loading are absent.
+    pub(super) entities: EntityHashMap<ExtractedEntity>,
+    /// By the camera's main entity.
+    pub(super) cameras: EntityHashMap<ExtractedCameraSplats>,
+    /// The back end wished for.
+    pub(super) backend: SplatBackend,
+}
+
+/// One `Splats` entity.
+pub(super) struct ExtractedEntity {
+    pub(super) asset: AssetId<SplatCloud>,
+    pub(super) cloud: Arc<Cloud>,
+    pub(super) transform: Similarity,
+    pub(super) hidden: Option<Arc<Selection>>,
+    pub(super) subset: Option<Arc<[u32]>>,
+    pub(super) tint: Option<Arc<[[u8; 4]]>>,
+    pub(super) selected: Option<Arc<Selection>>,
+    kept: Kept,
+}
+
+impl ExtractedEntity {
+    /// Gaussians, hidden ones included.
+    pub(super) fn len(&self) -> usize {
+        self.subset.as_ref().map_or(self.cloud.len(), |ids| ids.len())
+    }
+}
+
+/// What is copied only when it changes, and when it did.
+#[derive(Clone, Default)]
+struct Kept {
+    hidden: Option<(Tick, Option<Arc<Selection>>)>,
+    selected: Option<(Tick, Option<Arc<Selection>>)>,
+}
+
+/// What one camera sees.
+pub(super) struct ExtractedCameraSplats {
+    /// Entities in view, in order of their ids.
+    pub(super) visible: Vec<Entity>,
+    pub(super) settings: SplatCamera,
+}
+
+type SplatComponents<'a> = (
+    Entity,
+    &'a Splats,
+    &'a GlobalTransform,
+    Ref<'a, SplatFlags>,
+    Option<Ref<'a, SplatSelection>>,
+    Option<&'a SplatSubset>,
+    Option<&'a SplatTint>,
+);
+
+/// Takes over `Arc`s, transforms and what cameras see; copies bits only where a component changed.
+pub(super) fn extract_splats(
+    mut extracted: ResMut<ExtractedSplats>,
+    clouds: Extract<Res<Assets<SplatCloud>>>,
+    splats: Extract<Query<SplatComponents>>,
+    cameras: Extract<Query<(Entity, &Camera, &VisibleEntities, Option<&SplatCamera>), With<Camera3d>>>,
+    backend: Extract<Res<SplatBackend>>,
+) {
+    let extracted = &mut *extracted;
+    extracted.backend = **backend;
+    let mut old = std::mem::take(&mut extracted.entities);
+    for (entity, handle, transform, flags, selection, subset, tint) in &splats {
+        let Some(asset) = clouds.get(&handle.0) else { continue };
+        let cloud = &asset.cloud;
+        let Some(transform) = similarity(transform) else { continue };
+        let mut kept = old.remove(&entity).map(|e| e.kept).unwrap_or_default();
+        let hidden = keep(&mut kept.hidden, flags.last_changed(), &flags.hidden);
+        let selected = match selection {
+            Some(selection) => keep(&mut kept.selected, selection.last_changed(), &selection.0),
+            None => None,
+        };
+        let fits = |bits: &Arc<Selection>| bits.len() == cloud.len();
+        let entry = ExtractedEntity {
+            asset: handle.0.id(),
+            cloud: cloud.clone(),
+            transform,
+            // After a hot reload the old file's bits may be left: they mean nothing for the new one.
+            hidden: hidden.filter(fits),
+            subset: subset.map(|s| s.0.clone()).filter(|ids| ids.last().is_none_or(|&id| (id as usize) < cloud.len())),
+            tint: tint.map(|t| t.0.clone()).filter(|tint| tint.len() == cloud.len()),
+            selected: selected.filter(fits),
+            kept,
+        };
+        extracted.entities.insert(entity, entry);
+    }
+    extracted.cameras.clear();
+    for (entity, camera, visible, settings) in &cameras {
+        if camera.is_active {
+            let visible = visible.get(TypeId::of::<Splats>()).to_vec();
+            extracted
+                .cameras
+                .insert(entity, ExtractedCameraSplats { visible, settings: settings.cloned().unwrap_or_default() });
+        }
+    }
+}
+
+/// The same `Arc` as before unless the component changed; none where no bit is set.
+fn keep(kept: &mut Option<(Tick, Option<Arc<Selection>>)>, changed: Tick, bits: &Selection) -> Option<Arc<Selection>> {
+    match kept {
+        Some((tick, bits)) if *tick == changed => bits.clone(),
+        _ => {
+            let bits = (bits.count() > 0).then(|| Arc::new(bits.clone()));
+            *kept = Some((changed, bits.clone()));
+            bits
+        }
+    }
+}
+
+/// The similarity that an entity's transform is, or the nearest to it; `None` where nothing can be seen of it.
+fn similarity(transform: &GlobalTransform) -> Option<Similarity> {
+    let affine = transform.affine();
+    let determinant = affine.matrix3.determinant();
+    if !affine.is_finite() || determinant.abs() < 1e-30 {
+        return None;
+    }
+    if let Ok(exact) = Similarity::from_matrix(transform.to_matrix()) {
+        return Some(exact);
+    }
+    if determinant < 0.0 {
+        warn_once!("a Splats entity is mirrored by its Transform; Gaussians cannot be, so it is not drawn");
+        return None;
+    }
+    warn_once!("a Splats entity is scaled unevenly or sheared by its Transform; it is drawn with an even scale");
+    let (_, rotation, translation) = transform.to_scale_rotation_translation();
+    Some(Similarity { rotation: rotation.normalize(), scale: determinant.cbrt(), translation })
+}
+
+/// The cloud that an entity's `Aabb` was made for.
+#[derive(Component)]
+pub(super) struct BoundsOf {
+    cloud: Weak<Cloud>,
+    subset: Option<Arc<[u32]>>,
+}
+
+/// Gives new, changed and reloaded captures their `Aabb`, so that cameras that look elsewhere do not draw them.
+pub(super) fn calculate_bounds(
+    mut commands: Commands,
+    clouds: Res<Assets<SplatCloud>>,
+    splats: Query<(Entity, &Splats, Option<&SplatSubset>, Option<&BoundsOf>), Without<NoAutoAabb>>,
+) {
+    for (entity, handle, subset, old) in &splats {
+        let Some(asset) = clouds.get(&handle.0) else { continue };
+        let subset = subset.map(|s| &s.0);
+        let same = old.is_some_and(|old| {
+            let subsets = match (&old.subset, subset) {
+                (None, None) => true,
+                (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+                _ => false,
+            };
+            subsets && old.cloud.as_ptr() == Arc::as_ptr(&asset.cloud)
+        });
+        if !same {
+            let of = BoundsOf { cloud: Arc::downgrade(&asset.cloud), subset: subset.cloned() };
+            commands.entity(entity).try_insert((bounds(&asset.cloud, subset.map(|ids| &**ids)), of));
+        }
+    }
+}
+
+/// The box around all drawable Gaussians, each with three times its largest scale.
+fn bounds(cloud: &Cloud, subset: Option<&[u32]>) -> Aabb {
+    let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+    let mut add = |i: usize| {
+        if cloud.drawable(i) {
+            // Beyond this a float's square overflows, and with it Bevy's own culling.
+            let reach = Vec3A::splat((3.0 * cloud.log_scales()[i].max_element().exp()).min(1e15));
+            let mean = Vec3A::from(cloud.means()[i]).clamp(Vec3A::splat(-1e15), Vec3A::splat(1e15));
+            low = low.min(mean - reach);
+            high = high.max(mean + reach);
+        }
+    };
+    match subset {
+        Some(ids) => ids.iter().map(|&id| id as usize).filter(|&id| id < cloud.len()).for_each(add),
+        None => (0..cloud.len()).for_each(&mut add),
+    }
+    if low.cmple(high).all() {
+        Aabb::from_min_max(low.into(), high.into())
+    } else {
+        Aabb::from_min_max(Vec3::ZERO, Vec3::ZERO)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use bevy::math::Quat;
+    use bevy::transform::components::Transform;
+    use splat_core::CloudArrays;
+
+    use super::*;
+
+    #[test]
+    fn transforms_that_are_no_similarity_give_the_nearest_or_nothing() {
+        let of = |transform: Transform| similarity(&transform.into());
+        let turned = Transform::from_xyz(1.0, 2.0, 3.0).with_rotation(Quat::from_rotation_x(0.4));
+        let exact = of(turned.with_scale(Vec3::splat(2.0))).unwrap();
+        assert!((exact.scale - 2.0).abs() < 1e-5 && exact.translation == turned.translation);
+        let even = of(turned.with_scale(Vec3::new(1.0, 2.0, 4.0))).unwrap();
+        assert!((even.scale - 2.0).abs() < 1e-5 && even.rotation.angle_between(turned.rotation) < 1e-3);
+        assert_eq!(of(turned.with_scale(Vec3::new(-1.0, 1.0, 1.0))), None);
+        assert_eq!(of(turned.with_scale(Vec3::ZERO)), None);
+        assert_eq!(of(turned.with_translation(Vec3::NAN)), None);
+    }
+
+    #[test]
+    fn the_box_holds_what_can_be_seen_and_nothing_that_cannot() {
+        let cloud = |means: Vec<Vec3>| {
+            let n = means.len();
+            Cloud::new(CloudArrays {
+                means,
+                log_scales: vec![Vec3::ZERO; n],
+                rotations: vec![Quat::IDENTITY; n],
+                opacity_logits: vec![2.0; n],
+                sh: vec![0.0; 3 * n],
+                ..CloudArrays::default()
+            })
+            .unwrap()
+        };
+        let three = cloud(vec![Vec3::ZERO, Vec3::X, Vec3::splat(f32::NAN), Vec3::new(0.0, 9.0, 0.0)]);
+        let all = bounds(&three, None);
+        assert_eq!((all.min(), all.max()), (Vec3A::splat(-3.0), Vec3A::new(4.0, 12.0, 3.0)));
+        let some = bounds(&three, Some(&[0, 1]));
+        assert_eq!(some.max(), Vec3A::new(4.0, 3.0, 3.0));
+        assert_eq!(bounds(&cloud(vec![]), None).half_extents, Vec3A::ZERO);
+        assert!(bounds(&cloud(vec![Vec3::splat(1e38)]), None).half_extents.is_finite());
+    }
+
+    #[test]
+    fn bits_are_copied_only_when_their_component_changed() {
+        let bits = Selection::from_words(64, vec![5]);
+        let mut kept = None;
+        let first = keep(&mut kept, Tick::new(3), &bits).unwrap();
+        assert!(Arc::ptr_eq(&first, &keep(&mut kept, Tick::new(3), &bits).unwrap()));
+        assert!(!Arc::ptr_eq(&first, &keep(&mut kept, Tick::new(4), &bits).unwrap()));
+        assert_eq!(keep(&mut kept, Tick::new(5), &Selection::default()), None);
+    }
+}
