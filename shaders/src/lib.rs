@@ -1,1 +1,68 @@
-//! WGSL of the splat rasteriser.
+//! WGSL of the splat rasteriser: one file a stage, one table of constants, checked without a device.
+//!
+//! A stage's text is [`constants::wgsl`] + `common.wgsl` + the stage's own file. Variants are made by switches, never by
+//! copying a file: lines between `//#if NAME` (or `//#if !NAME`) and `//#end`, with an optional `//#else`, stay only where
+//! the switch is set. They nest.
+
+pub mod constants;
+
+use std::fmt::Write as _;
+
+/// A stage of the frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Stage {
+    /// Name of its file, without the ending.
+    pub name: &'static str,
+    /// Its own text, switches not yet applied.
+    pub text: &'static str,
+    /// Sets of switches it is used with: tests validate each of them.
+    pub variants: &'static [&'static [&'static str]],
+}
+
+/// Functions that all stages may use.
+const COMMON: &str = include_str!("../common.wgsl");
+
+/// Declares the stages: a constant for each, and the table of all.
+macro_rules! stages {
+    ($($(#[$doc:meta])* $name:ident = $file:literal, $variants:expr;)*) => {
+        $($(#[$doc])* pub const $name: Stage =
+            Stage { name: $file, text: include_str!(concat!("../", $file, ".wgsl")), variants: $variants };)*
+
+        /// All stages.
+        pub const STAGES: &[Stage] = &[$($name),*];
+    };
+}
+
+stages! {}
+
+/// The WGSL of a stage without switches.
+pub fn source(stage: &Stage) -> String {
+    variant(stage, &[])
+}
+
+/// The WGSL of a stage with some switches set.
+///
+/// # Panics
+/// If the text's switches do not match: a test tries every stage.
+pub fn variant(stage: &Stage, switches: &[&str]) -> String {
+    let mut text = constants::wgsl();
+    text.push_str(COMMON);
+    // Whether the lines of each open switch stay.
+    let mut open: Vec<bool> = Vec::new();
+    for line in stage.text.lines() {
+        let mark = line.trim();
+        if let Some(name) = mark.strip_prefix("//#if ") {
+            let (name, wanted) = name.strip_prefix('!').map_or((name, true), |name| (name, false));
+            open.push(switches.contains(&name) == wanted);
+        } else if mark == "//#else" {
+            let last = open.last_mut().expect("`//#else` follows `//#if`");
+            *last = !*last;
+        } else if mark == "//#end" {
+            open.pop().expect("`//#end` follows `//#if`");
+        } else if open.iter().all(|&stays| stays) {
+            writeln!(text, "{line}").expect("writing to a string");
+        }
+    }
+    assert!(open.is_empty(), "`//#if` without `//#end` in {}", stage.name);
+    text
+}

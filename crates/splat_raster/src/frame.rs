@@ -125,6 +125,10 @@ impl Frame {
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RasterError {
+    /// The GPU failed.
+    #[cfg(feature = "gpu")]
+    #[error(transparent)]
+    Gpu(#[from] crate::gpu::GpuError),
     /// The view itself is unusable.
     #[error(transparent)]
     View(#[from] ViewError),

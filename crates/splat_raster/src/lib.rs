@@ -37,6 +37,8 @@
 
 pub mod cpu;
 mod frame;
+#[cfg(feature = "gpu")]
+pub mod gpu;
 mod scene;
 
 pub use frame::{Depth, Features, Frame, Outputs, RasterError, VOTE_UNIT, Votes};

@@ -1,0 +1,52 @@
+//! Draws on a GPU through `wgpu`, on a device of its own or one that is handed in.
+//!
+//! The same stages as on the CPU, as compute passes: project (a thread per Gaussian, records in place), compact (keys of
+//! what may be seen, in order of ids), a stable radix sort by depth, pairs of tile and splat in that order, a stable sort
+//! by tile, and a workgroup of 16x16 threads that blends a tile. Nothing is read back inside a frame. No float is added
+//! up by atomics: the same input gives the same bits.
+
+mod context;
+mod error;
+
+pub use context::{GpuOptions, Precision, Subgroups};
+pub use error::GpuError;
+
+use context::Context;
+
+/// A device with all stages compiled.
+#[derive(Debug)]
+pub struct Gpu {
+    context: Context,
+}
+
+impl Gpu {
+    /// Compiles the stages for a device, which may be another library's.
+    ///
+    /// # Errors
+    /// [`GpuError::Limit`] where the device was opened with too little, [`GpuError::Shader`] where its driver fails.
+    pub fn new(device: &wgpu::Device, queue: &wgpu::Queue, options: GpuOptions) -> Result<Self, GpuError> {
+        Self::from_context(Context::new(device, queue, options)?)
+    }
+
+    /// Opens the fastest device there is; the environment's `WGPU_BACKEND` is heeded.
+    ///
+    /// # Errors
+    /// [`GpuError::NoAdapter`] and [`GpuError::NoDevice`] where there is none, else as [`Gpu::new`].
+    pub fn headless(options: GpuOptions) -> Result<Self, GpuError> {
+        Self::from_context(Context::headless(options)?)
+    }
+
+    fn from_context(context: Context) -> Result<Self, GpuError> {
+        Ok(Self { context })
+    }
+
+    /// What the device is called.
+    pub fn name(&self) -> String {
+        self.context.device.adapter_info().name
+    }
+
+    /// Whether the device is a CPU that runs shaders: our CPU back end is faster then.
+    pub fn is_software(&self) -> bool {
+        self.context.device.adapter_info().device_type == wgpu::DeviceType::Cpu
+    }
+}
