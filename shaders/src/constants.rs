@@ -66,6 +66,15 @@ constants! {
     BLOCK: u32 = 256;
     /// Workgroups across a folded dispatch: workgroup `(x, y)` is number `y * FOLD + x`. Devices take at most 65535 a dimension.
     FOLD: u32 = 32768;
+    /// Numbers that a workgroup of the scan adds up.
+    SCAN_BLOCK: u32 = 2048;
+    /// Keys that a workgroup of the sort keeps in its 16 KiB: an odd multiple of [`BLOCK`], so that no two of its threads want
+    /// the same bank of memory.
+    SORT_BLOCK: u32 = 13 * 256;
+    /// Pairs that a workgroup of the binning writes.
+    PAIR_BLOCK: u32 = 1024;
+    /// Stands for "no place": a count that the CPU knows.
+    NO_PLACE: u32 = u32::MAX;
     /// Stands for "no Gaussian" in pictures of ids.
     NO_ID: u32 = u32::MAX;
     /// Contributions below this are skipped.
@@ -88,6 +97,32 @@ constants! {
     MARGIN: f32 = 1e-3;
     /// Weights are voted with in units of 1 / VOTE_SCALE.
     VOTE_SCALE: f32 = 65536.0;
+    /// Words of a Gaussian's geometry as [packed](crate::PROJECT): mean 3, rotation 2, log scales and logit 2.
+    PACKED_GEOMETRY: u32 = 7;
+    /// Words of a Gaussian's geometry as f32: mean 3, rotation 4, log scales 3, logit 1.
+    FULL_GEOMETRY: u32 = 11;
+    /// Least logarithm of a scale that the packed form tells apart; the low-pass is far larger.
+    LOG_SCALE_LEAST: f32 = -24.0;
+    /// From one 16-bit logarithm of a scale to the next; the largest is 28, where the projection ends too.
+    LOG_SCALE_STEP: f32 = 52.0 / 65535.0;
+    /// Least logit of the packed form: too faint to be drawn.
+    LOGIT_LEAST: f32 = -8.0;
+    /// From one 16-bit logit to the next; the largest is 16, beyond [`LARGEST_ALPHA`].
+    LOGIT_STEP: f32 = 24.0 / 65535.0;
+    /// First word of a Gaussian that cannot be drawn: bits of a NaN.
+    DEAD: u32 = 0x7fc0_0000;
+    /// Project: write colours.
+    FLAG_COLOR: u32 = 1;
+    /// Project: no perspective.
+    FLAG_PARALLEL: u32 = 2;
+    /// Project: the cloud was trained with the antialiased low-pass.
+    FLAG_ANTIALIASED: u32 = 4;
+    /// Project: heed the hidden bits.
+    FLAG_HIDDEN: u32 = 8;
+    /// Project: draw the subset only.
+    FLAG_SUBSET: u32 = 16;
+    /// Project: mix the tint over the colours.
+    FLAG_TINT: u32 = 32;
     /// Natural logarithm of 2.
     LN_2: f32 = std::f32::consts::LN_2;
     /// Binary logarithm of e.
@@ -100,4 +135,24 @@ constants! {
     COUNTER_KEPT: u32 = 2;
     /// Words of the counters.
     COUNTERS: u32 = 16;
+}
+
+#[cfg(test)]
+mod tests {
+    use naga::{Expression, Literal};
+
+    #[test]
+    fn shaders_read_every_constant_as_rust_has_it() {
+        let module = naga::front::wgsl::parse_str(&super::wgsl()).expect("the table is WGSL");
+        assert_eq!(module.constants.len(), super::bits().len());
+        for ((_, read), (name, bits)) in module.constants.iter().zip(super::bits()) {
+            assert_eq!(read.name.as_deref(), Some(name));
+            let read = match module.global_expressions[read.init] {
+                Expression::Literal(Literal::U32(v)) => v,
+                Expression::Literal(Literal::F32(v)) => v.to_bits(),
+                ref other => panic!("{name} is {other:?}"),
+            };
+            assert_eq!(read, bits, "{name}");
+        }
+    }
 }

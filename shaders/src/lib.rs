@@ -33,7 +33,24 @@ macro_rules! stages {
     };
 }
 
-stages! {}
+stages! {
+    /// Gaussians to splats.
+    PROJECT = "project", &[&[], &["PACKED"]];
+    /// Keys of the splats that may be seen.
+    COMPACT = "compact", &[&["COUNT"], &[]];
+    /// Prefix sums.
+    SCAN = "scan", &[&[]];
+    /// One pass of the radix sort: a variant per kernel.
+    SORT = "sort", &[
+        &["PREPARE"],
+        &["HISTOGRAM"],
+        &["SCANS", "ROWS"],
+        &["SCANS", "SCATTER"],
+        &["SCANS", "SCATTER", "SUBGROUPS"],
+    ];
+    /// Pairs of tile and splat: a variant per kernel.
+    BIN = "bin", &[&["PREPARE"], &["SHAPES", "SPLATS"], &["SHAPES", "PAIRS"], &["RANGES"]];
+}
 
 /// The WGSL of a stage without switches.
 pub fn source(stage: &Stage) -> String {

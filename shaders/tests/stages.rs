@@ -1,0 +1,34 @@
+//! Every stage parses and validates with every set of switches it is used with, and says what Rust says; without a device.
+
+use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
+use splat_shaders::{STAGES, variant};
+
+fn parse(text: &str) -> naga::Module {
+    naga::front::wgsl::parse_str(text).unwrap_or_else(|e| panic!("{}", e.emit_to_string(text)))
+}
+
+/// Every stage with every set of switches.
+fn modules() -> Vec<(String, naga::Module)> {
+    let mut all = Vec::new();
+    for stage in STAGES {
+        assert!(!stage.variants.is_empty(), "{} has no variant", stage.name);
+        for switches in stage.variants {
+            all.push((format!("{} {switches:?}", stage.name), parse(&variant(stage, switches))));
+        }
+    }
+    all
+}
+
+#[test]
+fn every_stage_validates_with_every_set_of_switches() {
+    for (name, module) in modules() {
+        let capabilities = if name.contains("SUBGROUPS") { Capabilities::SUBGROUP } else { Capabilities::empty() };
+        let mut validator = Validator::new(ValidationFlags::all(), capabilities);
+        validator.subgroup_stages(ShaderStages::COMPUTE).subgroup_operations(SubgroupOperationSet::all());
+        if let Err(e) = validator.validate(&module) {
+            panic!("{name}: {e:?}");
+        }
+        assert!(!module.entry_points.is_empty(), "{name} has no kernel");
+        println!("{name}: {} kernels", module.entry_points.len());
+    }
+}
