@@ -149,21 +149,21 @@ fn sort_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
 //#if SUBGROUPS
 var<workgroup> exchange: array<atomic<u32>, SORT_BLOCK>;
 
-fn get(i: u32) -> u32 {
+fn entry_at(i: u32) -> u32 {
     return atomicLoad(&exchange[i]);
 }
 
-fn put(i: u32, value: u32) {
+fn set_entry(i: u32, value: u32) {
     atomicStore(&exchange[i], value);
 }
 //#else
 var<workgroup> exchange: array<u32, SORT_BLOCK>;
 
-fn get(i: u32) -> u32 {
+fn entry_at(i: u32) -> u32 {
     return exchange[i];
 }
 
-fn put(i: u32, value: u32) {
+fn set_entry(i: u32, value: u32) {
     exchange[i] = value;
 }
 //#end
@@ -189,9 +189,9 @@ const ROW_WORDS: u32 = DIGITS / 2u;
 fn same_digit(digit: u32) -> vec4<u32> {
     var same = subgroupBallot(true);
     for (var bit = 0u; bit < 8u; bit++) {
-        let set = ((digit >> bit) & 1u) != 0u;
-        let ballot = subgroupBallot(set);
-        same &= select(~ballot, ballot, set);
+        let one = ((digit >> bit) & 1u) != 0u;
+        let ballot = subgroupBallot(one);
+        same &= select(~ballot, ballot, one);
     }
     return same;
 }
@@ -221,7 +221,7 @@ fn order(block: u32, count: u32, subgroup: u32, size: u32, lane: u32) {
     let turns = max(BLOCK / size / ROWS, 1u);
     let row = subgroup / turns * ROW_WORDS;
     for (var k = thread; k < ROWS * ROW_WORDS; k += BLOCK) {
-        put(k, 0u);
+        set_entry(k, 0u);
     }
     workgroupBarrier();
     // Digit and rank among the equal digits of the row.
@@ -247,8 +247,8 @@ fn order(block: u32, count: u32, subgroup: u32, size: u32, lane: u32) {
     var sums = 0u;
     if thread < ROW_WORDS {
         for (var k = thread; k < ROWS * ROW_WORDS; k += ROW_WORDS) {
-            let here = get(k);
-            put(k, sums);
+            let here = entry_at(k);
+            set_entry(k, sums);
             sums += here;
         }
     }
@@ -261,14 +261,14 @@ fn order(block: u32, count: u32, subgroup: u32, size: u32, lane: u32) {
     for (var j = 0u; j < KEYS; j++) {
         let digit = entries[j] >> NUMBER_BITS;
         let half = (digit / ROW_WORDS) * 16u;
-        let earlier = (get(row + digit % ROW_WORDS) >> half) & 0xffffu;
+        let earlier = (entry_at(row + digit % ROW_WORDS) >> half) & 0xffffu;
         entries[j] += places[digit] + earlier;
     }
     workgroupBarrier();
     for (var j = 0u; j < KEYS; j++) {
         let number = (subgroup * KEYS + j) * size + lane;
         let place = entries[j] & ((1u << NUMBER_BITS) - 1u);
-        put(place, ((entries[j] >> NUMBER_BITS) << NUMBER_BITS) | number);
+        set_entry(place, ((entries[j] >> NUMBER_BITS) << NUMBER_BITS) | number);
     }
     workgroupBarrier();
 }
@@ -277,50 +277,50 @@ fn order(block: u32, count: u32, subgroup: u32, size: u32, lane: u32) {
 // counts the digits of KEYS consecutive entries, two counters to a word: digit d and digit d + 8.
 fn order(block: u32, count: u32, thread: u32) {
     for (var i = thread; i < SORT_BLOCK; i += BLOCK) {
-        put(i, (digit_at(block, i, count) << NUMBER_BITS) | i);
+        set_entry(i, (digit_at(block, i, count) << NUMBER_BITS) | i);
     }
     workgroupBarrier();
     for (var shift = NUMBER_BITS; shift < NUMBER_BITS + 8u; shift += 4u) {
         var entries: array<u32, KEYS>;
         for (var j = 0u; j < KEYS; j++) {
-            entries[j] = get(thread * KEYS + j);
+            entries[j] = entry_at(thread * KEYS + j);
         }
         workgroupBarrier();
         for (var k = 0u; k < 8u; k++) {
-            put(k * BLOCK + thread, 0u);
+            set_entry(k * BLOCK + thread, 0u);
         }
         for (var j = 0u; j < KEYS; j++) {
             let digit = (entries[j] >> shift) & 15u;
             let counter = (digit & 7u) * BLOCK + thread;
             let half = (digit >> 3u) * 16u;
-            let counts = get(counter);
-            put(counter, counts + (1u << half));
+            let counts = entry_at(counter);
+            set_entry(counter, counts + (1u << half));
             entries[j] |= ((counts >> half) & 0xffffu) << (NUMBER_BITS + 8u);
         }
         workgroupBarrier();
         var sum = 0u;
         for (var k = 0u; k < 8u; k++) {
-            sum += get(thread * 8u + k);
+            sum += entry_at(thread * 8u + k);
         }
         let sums = scan_threads(thread, sum);
         // The upper digits come after all of the lower ones.
         var before = sums.x + (sums.y << 16u);
         for (var k = 0u; k < 8u; k++) {
-            let here = get(thread * 8u + k);
-            put(thread * 8u + k, before);
+            let here = entry_at(thread * 8u + k);
+            set_entry(thread * 8u + k, before);
             before += here;
         }
         workgroupBarrier();
         for (var j = 0u; j < KEYS; j++) {
             let digit = (entries[j] >> shift) & 15u;
             let half = (digit >> 3u) * 16u;
-            let earlier = (get((digit & 7u) * BLOCK + thread) >> half) & 0xffffu;
+            let earlier = (entry_at((digit & 7u) * BLOCK + thread) >> half) & 0xffffu;
             entries[j] += earlier << (NUMBER_BITS + 8u);
         }
         workgroupBarrier();
         for (var j = 0u; j < KEYS; j++) {
             let place = entries[j] >> (NUMBER_BITS + 8u);
-            put(place, entries[j] & ((1u << (NUMBER_BITS + 8u)) - 1u));
+            set_entry(place, entries[j] & ((1u << (NUMBER_BITS + 8u)) - 1u));
         }
         workgroupBarrier();
     }
@@ -349,8 +349,8 @@ fn sort_scatter(
     order(block, count, thread);
 //#end
     for (var i = thread; i < count; i += BLOCK) {
-        let digit = get(i) >> NUMBER_BITS;
-        if i == 0u || get(i - 1u) >> NUMBER_BITS != digit {
+        let digit = entry_at(i) >> NUMBER_BITS;
+        if i == 0u || entry_at(i - 1u) >> NUMBER_BITS != digit {
             places[digit] = i;
         }
     }
@@ -361,11 +361,11 @@ fn sort_scatter(
     workgroupBarrier();
     // Neighbours in `exchange` are neighbours in the output: whole lines are written. Reads are from the block's few lines.
     for (var i = thread; i < count; i += BLOCK) {
-        let entry = get(i);
-        let from = block * SORT_BLOCK + (entry & ((1u << NUMBER_BITS) - 1u));
-        let to = places[entry >> NUMBER_BITS] + i;
-        keys_out[to] = keys_in[from];
-        values_out[to] = values_in[from];
+        let entry = entry_at(i);
+        let source = block * SORT_BLOCK + (entry & ((1u << NUMBER_BITS) - 1u));
+        let place = places[entry >> NUMBER_BITS] + i;
+        keys_out[place] = keys_in[source];
+        values_out[place] = values_in[source];
     }
 }
 //#end

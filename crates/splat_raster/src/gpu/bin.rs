@@ -1,0 +1,431 @@
+//! [`Binner`]: which splats each tile blends, in order of depth (`bin.wgsl`).
+//!
+//! Per sorted splat the tiles of 16x16 pixels that its ellipse of alpha >= 1/255 reaches are counted exactly (its extent over
+//! the pixel centres of each row of tiles, grown by what rounding may cost), the counts are summed up, a thread per pair of
+//! tile and splat writes it, and one stable sort by tile alone leaves each tile's splats in order of depth.
+//!
+//! A pair finds its splat by a search in the sums, so that a splat of ten thousand tiles is the work of ten thousand threads.
+//! Splats whose box has at most 32 tiles keep a bit per tile between the two kernels; larger ones are walked row by row twice.
+//!
+//! Where there is no room for all pairs, the farthest are left out: the counters say how many there should be, and how many
+//! there are.
+//!
+//! Moved: about 60 bytes a splat (its shape, sums, cover) and, a pair, 8 written + 21 per pass of the sort, of which there are
+//! two for pictures from 256 tiles up to 65535: 50. Limits: 2^32 - 1 pairs (larger sums stay there), 65535 pixels a side.
+
+use splat_shaders::BIN;
+use splat_shaders::constants::{BLOCK, COUNTER_KEPT, COUNTER_PAIRS, COUNTER_VISIBLE};
+
+use super::GpuError;
+use super::context::{Binding, Context, Pipeline};
+use super::scan::{Count, ScanKernels, Scanner};
+use super::sort::{SortKernels, Sorter, Sorting};
+
+/// The compiled kernels.
+#[derive(Clone, Debug)]
+pub(crate) struct BinKernels {
+    start: Pipeline,
+    splats: Pipeline,
+    prepare: Pipeline,
+    pairs: Pipeline,
+    ranges: Pipeline,
+}
+
+impl BinKernels {
+    pub(crate) fn new(context: &Context) -> Result<Self, GpuError> {
+        use Binding::{Read, Uniform, Write};
+        let kernel = |switches, entry, bindings: &[_]| context.pipeline(&BIN, switches, entry, bindings, &[]);
+        let pairs = [Uniform, Uniform, Read, Read, Read, Read, Read, Read, Write, Write];
+        let splats = [Uniform, Read, Read, Read, Read, Read, Write, Write];
+        Ok(Self {
+            start: kernel(&["PREPARE"], "bin_start", &[Uniform, Write, Write])?,
+            splats: kernel(&["SHAPES", "SPLATS"], "bin_splats", &splats)?,
+            prepare: kernel(&["PREPARE"], "bin_prepare", &[Uniform, Write, Write])?,
+            pairs: kernel(&["SHAPES", "PAIRS"], "bin_pairs", &pairs)?,
+            ranges: kernel(&["RANGES"], "bin_ranges", &[Uniform, Read, Read, Write])?,
+        })
+    }
+}
+
+/// What is sorted into tiles.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Binning<'a> {
+    /// Slots in order of depth, as many as `COUNTER_VISIBLE` of the counters.
+    pub(crate) sorted: &'a wgpu::Buffer,
+    /// By slot: mean in pixels.
+    pub(crate) mean: &'a wgpu::Buffer,
+    /// By slot: along, shear.
+    pub(crate) shape_a: &'a wgpu::Buffer,
+    /// By slot: across, level.
+    pub(crate) shape_b: &'a wgpu::Buffer,
+    /// Gets `COUNTER_PAIRS` and `COUNTER_KEPT`.
+    pub(crate) counters: &'a wgpu::Buffer,
+    /// The most splats that may be visible.
+    pub(crate) splats: u32,
+    /// Pairs to make room for.
+    pub(crate) pairs: u32,
+    /// Tiles across and down the picture.
+    pub(crate) tiles: [u32; 2],
+}
+
+/// Makes the lists of all tiles.
+#[derive(Debug)]
+pub(crate) struct Binner {
+    arguments: wgpu::Buffer,
+    pair_slots: wgpu::Buffer,
+    tile_ranges: wgpu::Buffer,
+    scanner: Scanner,
+    sorter: Sorter,
+    start: wgpu::BindGroup,
+    splats: wgpu::BindGroup,
+    prepare: wgpu::BindGroup,
+    pairs: wgpu::BindGroup,
+    ranges: wgpu::BindGroup,
+    tiles: u32,
+}
+
+/// Kernels of the stages that a [`Binner`] goes through.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Kernels<'a> {
+    pub(crate) bin: &'a BinKernels,
+    pub(crate) scan: &'a ScanKernels,
+    pub(crate) sort: &'a SortKernels,
+}
+
+impl Binner {
+    /// Binds the buffers and makes those in between: 12 bytes a splat, 16 a pair, 8 a tile.
+    pub(crate) fn new(context: &Context, kernels: Kernels<'_>, binning: &Binning<'_>) -> Self {
+        let Binning { splats, pairs, tiles: [across, down], counters, .. } = *binning;
+        let tiles = across * down;
+        let offsets = context.words("pairs before", splats as usize);
+        let covers = context.words("covers", 2 * splats.max(1) as usize);
+        let [tiles_a, tiles_b] = [0, 1].map(|_| context.words("tiles of pairs", pairs as usize));
+        let [slots_a, slots_b] = [0, 1].map(|_| context.words("slots of pairs", pairs as usize));
+        let tile_ranges = context.words("pairs of tiles", 2 * tiles.max(1) as usize);
+        let usage = wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::UNIFORM;
+        let arguments = context.buffer("size of binning", 48, usage);
+        let parameters = context.uniforms("bin", &[across, down, splats, pairs]);
+
+        let count = Count::At { place: COUNTER_VISIBLE, limit: splats };
+        let scanner = Scanner::new(context, kernels.scan, &offsets, counters, count, COUNTER_PAIRS);
+        // `tiles` itself is a key of what belongs to no tile.
+        let bits = 0..32 - tiles.leading_zeros();
+        let sorting = Sorting {
+            keys: [&tiles_a, &tiles_b],
+            values: [&slots_a, &slots_b],
+            counters,
+            count_at: COUNTER_KEPT,
+            limit: pairs,
+            bits: bits.clone(),
+        };
+        let sorter = Sorter::new(context, kernels.sort, &sorting);
+        let input = Sorter::input(&bits);
+        let (unsorted_tiles, unsorted_slots) = (sorting.keys[input], sorting.values[input]);
+
+        let bind = |kernel, buffers: &[&wgpu::Buffer]| {
+            let all = std::iter::once(&parameters).chain(buffers.iter().copied());
+            context.bind(kernel, &all.map(wgpu::Buffer::as_entire_binding).collect::<Vec<_>>())
+        };
+        let Binning { sorted, mean, shape_a, shape_b, .. } = *binning;
+        let k = kernels.bin;
+        Self {
+            start: bind(&k.start, &[counters, &arguments]),
+            splats: bind(&k.splats, &[counters, sorted, mean, shape_a, shape_b, &offsets, &covers]),
+            prepare: bind(&k.prepare, &[counters, &arguments]),
+            pairs: bind(
+                &k.pairs,
+                &[&arguments, &offsets, &covers, sorted, mean, shape_a, shape_b, unsorted_tiles, unsorted_slots],
+            ),
+            ranges: bind(&k.ranges, &[counters, &tiles_a, &tile_ranges]),
+            arguments,
+            pair_slots: slots_a,
+            tile_ranges,
+            scanner,
+            sorter,
+            tiles,
+        }
+    }
+
+    /// Slots of all tiles, each tile's in order of depth: `COUNTER_KEPT` of them.
+    pub(crate) fn pair_slots(&self) -> &wgpu::Buffer {
+        &self.pair_slots
+    }
+
+    /// Per tile, row by row: its first pair and one past its last, as two words; zeros where it has none.
+    pub(crate) fn tile_ranges(&self) -> &wgpu::Buffer {
+        &self.tile_ranges
+    }
+
+    /// Records the dispatches.
+    pub(crate) fn encode(&self, kernels: Kernels<'_>, pass: &mut wgpu::ComputePass<'_>) {
+        let k = kernels.bin;
+        k.start.dispatch(pass, &self.start, 1);
+        k.splats.dispatch_indirect(pass, &self.splats, &self.arguments, 0);
+        self.scanner.encode(kernels.scan, pass);
+        k.prepare.dispatch(pass, &self.prepare, 1);
+        k.pairs.dispatch_indirect(pass, &self.pairs, &self.arguments, 16);
+        self.sorter.encode(kernels.sort, pass);
+        k.ranges.dispatch(pass, &self.ranges, self.tiles.div_ceil(BLOCK));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use splat_shaders::constants::{COUNTERS, LEVELS, TILE};
+
+    use super::*;
+
+    /// What the shader gets of a splat.
+    #[derive(Clone, Copy, Debug)]
+    struct Ellipse {
+        mean: [f32; 2],
+        along: f32,
+        shear: f32,
+        across: f32,
+        level: f32,
+    }
+
+    impl Ellipse {
+        /// Of covariance (a b; b c) and an opacity.
+        fn new(mean: [f32; 2], [a, b, c]: [f64; 3], opacity: f32) -> Self {
+            let half_log2_e = 0.5 * std::f64::consts::LOG2_E;
+            Self {
+                mean,
+                along: (half_log2_e * c / (a * c - b * b)).sqrt() as f32,
+                shear: (b / c) as f32,
+                across: (half_log2_e / c).sqrt() as f32,
+                level: opacity.log2(),
+            }
+        }
+
+        /// Log2 of alpha at an offset from the mean.
+        fn power(&self, dx: f64, dy: f64) -> f64 {
+            let e = f64::from(self.along) * (dx - f64::from(self.shear) * dy);
+            f64::from(self.level) - e * e - (f64::from(self.across) * dy).powi(2)
+        }
+
+        /// Whether a pixel of a tile counts: all of them are asked.
+        fn is_needed(&self, x: u32, y: u32) -> bool {
+            (0..TILE * TILE).any(|p| {
+                let [px, py] = [x * TILE + p % TILE, y * TILE + p / TILE].map(|p| f64::from(p) + 0.5);
+                let power = self.power(px - f64::from(self.mean[0]), py - f64::from(self.mean[1]));
+                power >= -f64::from(LEVELS)
+            })
+        }
+
+        /// Whether the ellipse, a little larger, reaches a place between the tile's outermost pixel centres: the least power is
+        /// on an edge, unless the mean is inside.
+        fn may_be_listed(&self, x: u32, y: u32) -> bool {
+            let around = |t: u32, m: f32| {
+                let first = f64::from(t * TILE) + 0.5 - f64::from(m);
+                (first - 0.05, first + f64::from(TILE - 1) + 0.05)
+            };
+            let ((x0, x1), (y0, y1)) = (around(x, self.mean[0]), around(y, self.mean[1]));
+            let (along, shear, across) = (f64::from(self.along), f64::from(self.shear), f64::from(self.across));
+            // Where on a column the splat is strongest.
+            let lean = along * along * shear / (along * along * shear * shear + across * across);
+            let mut best =
+                if x0 <= 0.0 && x1 >= 0.0 && y0 <= 0.0 && y1 >= 0.0 { self.power(0.0, 0.0) } else { f64::MIN };
+            for x in [x0, x1] {
+                best = best.max(self.power(x, (lean * x).clamp(y0, y1)));
+            }
+            for y in [y0, y1] {
+                best = best.max(self.power((shear * y).clamp(x0, x1), y));
+            }
+            best >= -f64::from(LEVELS) - 0.01
+        }
+    }
+
+    /// Lists as the CPU reads them.
+    struct Lists {
+        tiles: Vec<Vec<u32>>,
+        counters: Vec<u32>,
+    }
+
+    /// Bins splats that are given in order of depth; slots are shuffled.
+    fn binned(context: &Context, splats: &[Ellipse], tiles: [u32; 2], pairs: u32, visible: u32) -> Lists {
+        let bin = BinKernels::new(context).unwrap();
+        let (scan, sort) = (ScanKernels::new(context).unwrap(), SortKernels::new(context).unwrap());
+        let kernels = Kernels { bin: &bin, scan: &scan, sort: &sort };
+        let len = splats.len() as u32;
+        let slot_of = |k: u32| slot(k, len);
+        let by_slot = |value: &dyn Fn(&Ellipse) -> [f32; 2]| {
+            let mut values = vec![[f32::NAN; 2]; splats.len()];
+            for (k, splat) in splats.iter().enumerate() {
+                values[slot_of(k as u32) as usize] = value(splat);
+            }
+            context.buffer_of("splats", &values, wgpu::BufferUsages::empty())
+        };
+        let sorted: Vec<u32> = (0..len).map(slot_of).collect();
+        let mut counters = vec![0; COUNTERS as usize];
+        counters[COUNTER_VISIBLE as usize] = visible;
+        let counters = context.buffer_of("counters", &counters, wgpu::BufferUsages::empty());
+        let binning = Binning {
+            sorted: &context.buffer_of("sorted", &sorted, wgpu::BufferUsages::empty()),
+            mean: &by_slot(&|s| s.mean),
+            shape_a: &by_slot(&|s| [s.along, s.shear]),
+            shape_b: &by_slot(&|s| [s.across, s.level]),
+            counters: &counters,
+            splats: len,
+            pairs,
+            tiles,
+        };
+        let binner = Binner::new(context, kernels, &binning);
+        // Twice: the second must not see what the first left.
+        context.run(|pass| binner.encode(kernels, pass));
+        context.run(|pass| binner.encode(kernels, pass));
+        let counters = context.read(&counters, COUNTERS as usize).unwrap();
+        let slots: Vec<u32> = context.read(binner.pair_slots(), counters[COUNTER_KEPT as usize] as usize).unwrap();
+        let ranges: Vec<[u32; 2]> = context.read(binner.tile_ranges(), (tiles[0] * tiles[1]) as usize).unwrap();
+        let mut place = vec![u32::MAX; splats.len()];
+        for k in 0..len {
+            place[slot_of(k) as usize] = k;
+        }
+        let mut end = 0;
+        let lists = ranges.into_iter().map(|[first, last]| {
+            if first == last {
+                assert_eq!((first, last), (0, 0), "tiles without splats have no range");
+            } else {
+                assert_eq!(first, end, "lists follow each other");
+                end = last;
+            }
+            slots[first as usize..last as usize].iter().map(|&slot| place[slot as usize]).collect()
+        });
+        let tiles = lists.collect();
+        assert_eq!(end, counters[COUNTER_KEPT as usize], "every pair belongs to a tile");
+        Lists { tiles, counters }
+    }
+
+    /// Slots in no order.
+    fn slot(k: u32, len: u32) -> u32 {
+        // 7919 is a prime that divides none of the lengths used.
+        (u64::from(k) * 7919 % u64::from(len)) as u32
+    }
+
+    fn random_splats(count: usize) -> Vec<Ellipse> {
+        let mut random = 11u64;
+        let mut next = |low: f64, high: f64| {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            low + (random >> 40) as f64 / (1u64 << 24) as f64 * (high - low)
+        };
+        (0..count)
+            .map(|n| {
+                let kind = n % 8;
+                // Small, large, huge, thin, thin and long; in the picture and far outside.
+                let (long, short) = match kind {
+                    0..3 => (next(0.6, 12.0), next(0.6, 3.0)),
+                    3 => (next(20.0, 80.0), next(5.0, 40.0)),
+                    4 => (next(300.0, 5000.0), next(100.0, 2000.0)),
+                    5 => (next(10.0, 200.0), 0.56),
+                    6 => (next(500.0, 1e6), 0.56),
+                    _ => (next(1e4, 1e8), next(1e3, 1e8)),
+                };
+                let far = if n % 3 == 0 { long.min(2e4) * 2.0 } else { 30.0 };
+                let mean = [next(-far, 320.0 + far) as f32, next(-far, 240.0 + far) as f32];
+                let angle = if n % 5 == 0 { 0.0 } else { next(0.0, 3.2) };
+                let (sin, cos) = angle.sin_cos();
+                let (long, short) = (long * long, short * short);
+                let a = long * cos * cos + short * sin * sin + 0.3;
+                let c = long * sin * sin + short * cos * cos + 0.3;
+                let b = (long - short) * sin * cos;
+                let faintest = if n % 7 == 0 { 1.01 / 255.0 } else { 0.02 };
+                Ellipse::new(mean, [a, b, c], next(faintest, 1.0) as f32)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn every_tile_with_a_pixel_that_counts_lists_the_splat_in_order_and_few_others_do() {
+        let Some(context) = Context::for_test() else { return };
+        let splats = random_splats(400);
+        // A picture whose last tiles are cut off is binned as if they were whole.
+        let tiles = [20, 15];
+        let lists = binned(&context, &splats, tiles, 1 << 17, 400);
+        let (mut needed, mut listed) = (0, 0);
+        for (tile, list) in lists.tiles.iter().enumerate() {
+            assert!(list.is_sorted_by(|a, b| a < b), "tile {tile}: by depth, each once");
+            let (x, y) = (tile as u32 % tiles[0], tile as u32 / tiles[0]);
+            for (k, splat) in splats.iter().enumerate() {
+                let is_listed = list.binary_search(&(k as u32)).is_ok();
+                let is_needed = splat.is_needed(x, y);
+                assert!(is_listed || !is_needed, "tile ({x}, {y}) lacks splat {k}: {splat:?}");
+                // Far away or long, the slack for rounding is more than this test's.
+                let near = splat.mean.iter().all(|m| m.abs() < 1000.0) && splat.across > 1e-3 && splat.along > 1e-3;
+                assert!(
+                    !near || !is_listed || splat.may_be_listed(x, y),
+                    "tile ({x}, {y}) does not need splat {k}: {splat:?}"
+                );
+                needed += usize::from(is_needed);
+                listed += usize::from(is_listed);
+            }
+        }
+        assert!(needed > 5000 && listed * 100 < needed * 110, "{listed} listed, {needed} needed");
+        assert_eq!(lists.counters[COUNTER_PAIRS as usize] as usize, listed);
+        assert_eq!(lists.counters[COUNTER_KEPT as usize] as usize, listed);
+    }
+
+    #[test]
+    fn where_there_is_no_room_the_farthest_are_left_out_and_the_number_needed_is_told() {
+        let Some(context) = Context::for_test() else { return };
+        let splats = random_splats(120);
+        let all = binned(&context, &splats, [20, 15], 1 << 16, 120);
+        let needed = all.counters[COUNTER_PAIRS as usize];
+        // Splats in order with the tiles of each.
+        let mut pairs: Vec<(u32, u32)> = Vec::new();
+        for (tile, list) in all.tiles.iter().enumerate() {
+            pairs.extend(list.iter().map(|&k| (k, tile as u32)));
+        }
+        pairs.sort_unstable();
+        assert_eq!(pairs.len(), needed as usize);
+        for room in [1, 1000, needed - 1, needed, needed + 1] {
+            let lists = binned(&context, &splats, [20, 15], room, 120);
+            assert_eq!(lists.counters[COUNTER_PAIRS as usize], needed);
+            assert_eq!(lists.counters[COUNTER_KEPT as usize], room.min(needed));
+            let mut kept: Vec<(u32, u32)> = Vec::new();
+            for (tile, list) in lists.tiles.iter().enumerate() {
+                kept.extend(list.iter().map(|&k| (k, tile as u32)));
+            }
+            kept.sort_unstable();
+            assert!(kept == pairs[..kept.len()], "room for {room}");
+        }
+    }
+
+    #[test]
+    fn only_visible_splats_are_listed_and_none_leaves_all_tiles_empty() {
+        let Some(context) = Context::for_test() else { return };
+        let splats = random_splats(40);
+        for visible in [0, 1, 17, 40, 4000] {
+            let lists = binned(&context, &splats, [20, 15], 1 << 15, visible);
+            let all = binned(&context, &splats, [20, 15], 1 << 15, 40);
+            for (list, all) in lists.tiles.iter().zip(&all.tiles) {
+                let expected: Vec<u32> = all.iter().copied().filter(|&k| k < visible).collect();
+                assert_eq!(*list, expected);
+            }
+        }
+    }
+
+    #[test]
+    fn pictures_of_one_tile_of_256_and_of_more_than_one_pass_of_the_sort_are_binned() {
+        let Some(context) = Context::for_test() else { return };
+        let round = |x, y, variance| Ellipse::new([x, y], [variance, 0.0, variance], 0.9);
+        for tiles in [[1, 1], [1, 300], [300, 1], [16, 16], [17, 15], [15, 17]] {
+            let splats = [round(8.0, 8.0, 1.0), round(0.0, 0.0, 1e9), round(16.0 * 14.0 + 8.0, 8.0, 4.0)];
+            let lists = binned(&context, &splats, tiles, 1 << 12, 3);
+            for (tile, list) in lists.tiles.iter().enumerate() {
+                let (x, y) = (tile as u32 % tiles[0], tile as u32 / tiles[0]);
+                let expected: Vec<u32> = (0..3).filter(|&k| splats[k as usize].is_needed(x, y)).collect();
+                assert_eq!(*list, expected, "tile ({x}, {y}) of {tiles:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn sums_beyond_32_bits_are_told_as_the_largest_number() {
+        let Some(context) = Context::for_test() else { return };
+        // 70 000 splats, each on 256 x 256 tiles.
+        let splats = vec![Ellipse::new([2000.0, 2000.0], [1e12, 0.0, 1e12], 0.9); 70_000];
+        let lists = binned(&context, &splats, [256, 256], 70_000, 70_000);
+        assert_eq!(lists.counters[COUNTER_PAIRS as usize], u32::MAX);
+        assert!(lists.tiles.iter().take(4000).all(|list| list[..] == [0, 1][..list.len()] && !list.is_empty()));
+    }
+}
