@@ -10,6 +10,8 @@ pub mod render;
 pub mod segment;
 pub mod select;
 mod splats;
+#[cfg(test)]
+mod testing;
 pub mod tools;
 
 pub use asset::SplatCloud;
@@ -17,6 +19,6 @@ pub use components::{
     DefaultSplatHighlight, SplatFlags, SplatHighlight, SplatParts, SplatSelection, SplatSubset, SplatTint,
     SplatTintChange,
 };
-pub use parts::{PartOf, SplatPart};
+pub use parts::{PartOf, SplatPart, SplatPartCommands};
 pub use plugins::BevySplatPlugins;
 pub use splats::{Splats, UPRIGHT};

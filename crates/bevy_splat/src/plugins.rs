@@ -3,7 +3,9 @@
 use bevy::app::PluginGroupBuilder;
 use bevy::prelude::*;
 
-use crate::components::SplatTintPlugin;
+use crate::asset::SplatAssetPlugin;
+use crate::components::SplatHighlightPlugin;
+use crate::parts::SplatPartsPlugin;
 use crate::render::SplatRenderPlugin;
 
 /// All plugins of this crate, each of which can be left out.
@@ -12,6 +14,10 @@ pub struct BevySplatPlugins;
 
 impl PluginGroup for BevySplatPlugins {
     fn build(self) -> PluginGroupBuilder {
-        PluginGroupBuilder::start::<Self>().add(SplatTintPlugin).add(SplatRenderPlugin)
+        PluginGroupBuilder::start::<Self>()
+            .add(SplatAssetPlugin)
+            .add(SplatHighlightPlugin)
+            .add(SplatPartsPlugin)
+            .add(SplatRenderPlugin)
     }
 }

@@ -5,7 +5,7 @@ pub use crate::render::{
     SplatRenderStats,
 };
 pub use crate::{
-    BevySplatPlugins, DefaultSplatHighlight, PartOf, SplatCloud, SplatFlags, SplatHighlight, SplatPart, SplatParts,
-    SplatSelection, SplatSubset, SplatTint, Splats, UPRIGHT,
+    BevySplatPlugins, DefaultSplatHighlight, PartOf, SplatCloud, SplatFlags, SplatHighlight, SplatPart,
+    SplatPartCommands, SplatParts, SplatSelection, SplatSubset, SplatTint, Splats, UPRIGHT,
 };
 pub use splat_core::{self, Cloud, CloudArrays, Mask2d, PartId, Parts, SelectMode, Selection, glam};

@@ -36,5 +36,5 @@ mod write;
 pub use error::{ReadError, SourceName, WriteError};
 pub use format::{Folder, Format, InMemory, ReadReport, Siblings, WriteOptions, Written};
 pub use formats::FORMATS;
-pub use read::{read, read_bytes, read_with, sniff};
+pub use read::{read, read_as, read_bytes, read_with, sniff};
 pub use write::{format_named, format_of_name, write, write_as, write_file};

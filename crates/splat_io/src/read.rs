@@ -52,7 +52,19 @@ pub fn read_bytes(bytes: &[u8], name: &str) -> Result<(Cloud, ReadReport), ReadE
 /// # Errors
 /// As [`read`].
 pub fn read_with(bytes: &[u8], name: &SourceName, files: &dyn Siblings) -> Result<(Cloud, ReadReport), ReadError> {
-    let format = sniff(bytes, name)?;
+    read_as(sniff(bytes, name)?, bytes, name, files)
+}
+
+/// Reads a splat file of a given format from memory, with the files beside it.
+///
+/// # Errors
+/// As [`read`]; [`ReadError::Malformed`] and the like if the file is of another format.
+pub fn read_as(
+    format: &dyn Format,
+    bytes: &[u8],
+    name: &SourceName,
+    files: &dyn Siblings,
+) -> Result<(Cloud, ReadReport), ReadError> {
     let (cloud, mut report) = format.read(bytes, name, files)?;
     report.format = format.name();
     report.bytes = report.bytes.max(bytes.len() as u64);
