@@ -233,6 +233,23 @@ impl Context {
         self.buffer_of(label, std::slice::from_ref(values), wgpu::BufferUsages::UNIFORM)
     }
 
+    /// Makes something that takes memory, and says so where there is none.
+    pub(crate) fn checked<R>(&self, what: &'static str, bytes: u64, make: impl FnOnce() -> R) -> Result<R, GpuError> {
+        let memory = self.device.push_error_scope(wgpu::ErrorFilter::OutOfMemory);
+        let size = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let made = make();
+        let errors = [pollster::block_on(size.pop()), pollster::block_on(memory.pop())];
+        if errors.iter().any(Option::is_some) { Err(GpuError::OutOfMemory { what, bytes }) } else { Ok(made) }
+    }
+
+    /// Waits for all that was submitted.
+    pub(crate) fn wait(&self) -> Result<(), GpuError> {
+        match self.device.poll(wgpu::PollType::wait_indefinitely()) {
+            Ok(_) => Ok(()),
+            Err(e) => Err(GpuError::Lost { reason: e.to_string() }),
+        }
+    }
+
     /// Copies values to a buffer before the next submission; sizes are multiples of 4 bytes.
     pub(crate) fn write<T: bytemuck::NoUninit>(&self, buffer: &wgpu::Buffer, offset: u64, values: &[T]) {
         if !values.is_empty() {

@@ -5,11 +5,20 @@
 //! by tile, and a workgroup of 16x16 threads that blends a tile. Nothing is read back inside a frame. No float is added
 //! up by atomics: the same input gives the same bits.
 
+mod bin;
+mod cloud;
+mod compact;
 mod context;
 mod error;
+mod project;
+mod scan;
+mod scene;
+mod sort;
 
+pub use cloud::{GpuBits, GpuCloud, GpuIds, GpuTint};
 pub use context::{GpuOptions, Precision, Subgroups};
 pub use error::GpuError;
+pub use scene::GpuInstance;
 
 use context::Context;
 
