@@ -43,6 +43,9 @@ pub struct Outputs<'a> {
     pub strongest: bool,
     /// [`Frame::votes`] of these masks, each of the view's size; may be an empty list for totals alone.
     pub votes: Option<&'a [&'a Mask2d]>,
+    /// Per pixel a camera z; a Gaussian at or beyond it adds nothing to that pixel, in any output (so meshes hide
+    /// splats). NaN, as in a picture of depth: no limit.
+    pub limit: Option<&'a [f32]>,
 }
 
 /// Votes of one view: `inside[m][i] = sum_p w_i(p) mask_m(p)` and `total[i] = sum_p w_i(p)`, in units of [`VOTE_UNIT`]
@@ -156,7 +159,15 @@ pub enum RasterError {
         /// Width and height of the view.
         view: (u32, u32),
     },
-    /// A per-Gaussian input does not have one entry (or `channels` entries) per Gaussian.
+    /// The ids of an instance's subset do not rise, or are not all in its cloud.
+    #[error("the subset of instance {instance} is not a list of rising ids below {count}")]
+    Subset {
+        /// Which instance of the scene.
+        instance: usize,
+        /// Gaussians of its cloud.
+        count: usize,
+    },
+    /// An input does not have one entry (or `channels` entries) per Gaussian or per pixel.
     #[error("`{what}` has {found} values, {expected} were expected")]
     Length {
         /// Which input.

@@ -13,12 +13,36 @@ pub struct Instance {
     pub transform: Similarity,
     /// Gaussians that are not drawn, if any; as long as the cloud.
     pub hidden: Option<Arc<Selection>>,
+    /// The Gaussians that belong to the instance: their ids in the cloud, rising, none twice; all of them where there is
+    /// no such list. What an instance costs follows the length of its list, not that of the cloud.
+    pub subset: Option<Arc<[u32]>>,
+    /// For each Gaussian of the cloud: sRGB red, green, blue, and with what strength (0 to 255) they are mixed over its
+    /// colour.
+    pub tint: Option<Arc<[[u8; 4]]>>,
 }
 
 impl Instance {
     /// The cloud where it is, nothing hidden.
     pub fn new(cloud: Arc<Cloud>) -> Self {
-        Self { cloud, transform: Similarity::IDENTITY, hidden: None }
+        Self { cloud, transform: Similarity::IDENTITY, hidden: None, subset: None, tint: None }
+    }
+
+    /// Gaussians that belong to it, hidden ones included.
+    pub fn len(&self) -> usize {
+        self.subset.as_ref().map_or(self.cloud.len(), |ids| ids.len())
+    }
+
+    /// Whether none does.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Id in the cloud of the Gaussian at `position` of the instance; `None` past its end.
+    pub fn cloud_id(&self, position: usize) -> Option<u32> {
+        match &self.subset {
+            Some(ids) => ids.get(position).copied(),
+            None => (position < self.cloud.len()).then_some(position as u32),
+        }
     }
 }
 
@@ -44,7 +68,7 @@ impl Scene {
 
     /// Gaussians of all instances, hidden ones included.
     pub fn len(&self) -> usize {
-        self.instances.iter().map(|i| i.cloud.len()).sum()
+        self.instances.iter().map(Instance::len).sum()
     }
 
     /// Whether there is nothing to draw.
@@ -54,6 +78,18 @@ impl Scene {
 
     /// Scene-wide id of the first Gaussian of an instance.
     pub fn offset(&self, instance: usize) -> usize {
-        self.instances[..instance].iter().map(|i| i.cloud.len()).sum()
+        self.instances[..instance].iter().map(Instance::len).sum()
+    }
+
+    /// Which instance a scene-wide id belongs to, and which Gaussian of its cloud it is; `None` past the end.
+    pub fn locate(&self, id: u32) -> Option<(usize, u32)> {
+        let mut position = id as usize;
+        for (k, instance) in self.instances.iter().enumerate() {
+            if position < instance.len() {
+                return instance.cloud_id(position).map(|gaussian| (k, gaussian));
+            }
+            position -= instance.len();
+        }
+        None
     }
 }

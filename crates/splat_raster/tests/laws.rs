@@ -19,6 +19,7 @@ fn everything<'a>(features: &'a [f32], masks: &'a [&'a Mask2d]) -> Outputs<'a> {
         first_hits: Some(0.5),
         strongest: true,
         votes: Some(masks),
+        limit: None,
     }
 }
 
@@ -55,7 +56,7 @@ fn busy_scene(seed: u64) -> (Scene, View, Vec<f32>) {
     for _ in 0..2 {
         let hidden = Selection::from_fn(cloud.len(), |_| r.bits().is_multiple_of(4));
         let transform = r.similarity();
-        scene.instances.push(Instance { cloud: cloud.clone(), transform, hidden: Some(Arc::new(hidden)) });
+        scene.instances.push(Instance { transform, hidden: Some(Arc::new(hidden)), ..Instance::new(cloud.clone()) });
     }
     let values = (0..scene.len() * 3).map(|_| r.range(-1.0, 1.0)).collect();
     (scene, common::view(seed, 211, 133), values)
@@ -274,4 +275,52 @@ fn inputs_that_do_not_fit_are_refused_with_a_sentence() {
     }
     let view = View { near: f32::NAN, ..view };
     assert!(matches!(r.render(&scene, &view), Err(RasterError::View(_))));
+}
+
+#[test]
+fn a_subset_draws_what_a_cloud_of_its_gaussians_draws_to_the_bit() {
+    let cloud = Arc::new(common::cloud(81, 400, 3));
+    let ids: Vec<u32> = (0..400).filter(|i| i % 3 == 1 || i % 50 > 40).collect();
+    let part = cloud.pick(&ids);
+    let view = common::view(81, 120, 90);
+    let subset = Instance { subset: Some(ids.clone().into()), ..Instance::new(cloud) };
+    let scene = Scene { instances: vec![subset] };
+    let mut rasterizer = CpuRasterizer::new();
+    let outputs = Outputs { color: true, first_hits: Some(0.5), votes: Some(&[]), ..Outputs::default() };
+    let (mut a, mut b) = (Frame::default(), Frame::default());
+    rasterizer.draw(&scene, &view, &outputs, &mut a).unwrap();
+    rasterizer.draw(&Scene::of(Arc::new(part)), &view, &outputs, &mut b).unwrap();
+    assert_eq!((a.color, a.first_hits, a.votes), (b.color, b.first_hits, b.votes));
+    assert_eq!(scene.len(), ids.len());
+    assert_eq!(scene.locate(5), Some((0, ids[5])));
+    assert_eq!(scene.locate(ids.len() as u32), None);
+}
+
+#[test]
+fn a_limit_without_numbers_is_none_and_a_wrong_one_is_refused() {
+    let scene = Scene::of(Arc::new(common::cloud(82, 200, 0)));
+    let view = common::view(82, 50, 40);
+    let mut rasterizer = CpuRasterizer::new();
+    let mut draw = |limit: Option<&[f32]>| {
+        let mut frame = Frame::default();
+        rasterizer
+            .draw(&scene, &view, &Outputs { color: true, limit, ..Outputs::default() }, &mut frame)
+            .map(|()| frame)
+    };
+    let plain = draw(None).unwrap();
+    assert_eq!(draw(Some(&[f32::NAN; 2000])).unwrap().color, plain.color);
+    assert_eq!(draw(Some(&[f32::INFINITY; 2000])).unwrap().color, plain.color);
+    assert!(draw(Some(&[0.0; 2000])).unwrap().color.iter().all(|c| *c == [0.0; 4]));
+    assert_eq!(draw(Some(&[1.0; 7])).unwrap_err().to_string(), "`limit` has 7 values, 2000 were expected");
+}
+
+#[test]
+fn a_subset_that_does_not_rise_or_leaves_its_cloud_is_refused() {
+    let cloud = Arc::new(common::cloud(83, 20, 0));
+    for ids in [vec![3, 3], vec![4, 2], vec![19, 20]] {
+        let instance = Instance { subset: Some(ids.into()), ..Instance::new(cloud.clone()) };
+        let error =
+            CpuRasterizer::new().render(&Scene { instances: vec![instance] }, &common::view(83, 9, 9)).unwrap_err();
+        assert_eq!(error.to_string(), "the subset of instance 0 is not a list of rising ids below 20");
+    }
 }

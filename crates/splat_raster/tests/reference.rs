@@ -18,7 +18,14 @@ fn features_of(count: usize) -> Vec<f32> {
 }
 
 /// Draws everything with one instruction set; the mask has the pixels that are not in doubt.
-fn draw(scene: &Scene, view: &View, set: InstructionSet, features: &[f32], slow: &SlowFrame) -> Frame {
+fn draw(
+    scene: &Scene,
+    view: &View,
+    set: InstructionSet,
+    features: &[f32],
+    slow: &SlowFrame,
+    limit: Option<&[f32]>,
+) -> Frame {
     let mask = Mask2d::from_fn(view.width, view.height, |x, y| !slow.doubt[(y * view.width + x) as usize]);
     let outputs = Outputs {
         color: true,
@@ -29,6 +36,7 @@ fn draw(scene: &Scene, view: &View, set: InstructionSet, features: &[f32], slow:
         first_hits: Some(TAU),
         strongest: true,
         votes: Some(&[&mask]),
+        limit,
     };
     let mut frame = Frame::default();
     CpuRasterizer::with(set).draw(scene, view, &outputs, &mut frame).expect("a frame");
@@ -37,15 +45,19 @@ fn draw(scene: &Scene, view: &View, set: InstructionSet, features: &[f32], slow:
 
 /// Compares every output; what hangs on rounding is left out and must be little.
 fn agree(what: &str, scene: &Scene, view: &View) {
+    agree_limited(what, scene, view, None);
+}
+
+fn agree_limited(what: &str, scene: &Scene, view: &View, limit: Option<&[f32]>) {
     let features = features_of(scene.len());
-    let slow = slow::draw(scene, view, CHANNELS, &features, TAU.into());
+    let slow = slow::draw_limited(scene, view, CHANNELS, &features, TAU.into(), limit.unwrap_or_default());
     let pixels = slow.doubt.len();
     let doubtful = slow.doubt.iter().filter(|&&d| d).count();
     // In a small picture of a dense capture hundreds of splats meet at a pixel, and one of them is near a threshold.
     assert!(doubtful * 3 < pixels * 2, "{what}: {doubtful} of {pixels} pixels hang on rounding");
     for set in InstructionSet::ALL.into_iter().filter(|set| set.available()) {
         let what = format!("{what}, {}", set.name());
-        let fast = draw(scene, view, set, &features, &slow);
+        let fast = draw(scene, view, set, &features, &slow, limit);
         let close = |a: f32, b: f64, tolerance: f64| {
             (a.is_nan() && b.is_nan()) || (f64::from(a) - b).abs() <= tolerance * b.abs().max(1.0)
         };
@@ -131,12 +143,48 @@ fn transformed_instances_with_hidden_gaussians_equal_the_reference() {
         let cloud = Arc::new(common::cloud(seed, 120, 4));
         let instances = (0..3)
             .map(|_| Instance {
-                cloud: cloud.clone(),
                 transform: r.similarity(),
                 hidden: Some(Arc::new(Selection::from_fn(120, |_| r.bits().is_multiple_of(3)))),
+                ..Instance::new(cloud.clone())
             })
             .collect();
         agree(&format!("instances seed {seed}"), &Scene { instances }, &common::view(seed, 80, 45));
+    }
+}
+
+#[test]
+fn subsets_and_tints_equal_the_reference() {
+    for seed in 61..=64 {
+        let mut r = common::Random(seed);
+        let cloud = Arc::new(common::cloud(seed, 150, (seed % 5) as u8));
+        let instances = (0..3)
+            .map(|k| Instance {
+                transform: r.similarity(),
+                hidden: (k == 1).then(|| Arc::new(Selection::from_fn(150, |_| r.bits().is_multiple_of(3)))),
+                subset: Some((0..150).filter(|_| r.bits().is_multiple_of(2)).collect()),
+                tint: (k < 2).then(|| (0..150).map(|_| (r.bits() as u32).to_le_bytes()).collect()),
+                ..Instance::new(cloud.clone())
+            })
+            .collect();
+        agree(&format!("subsets seed {seed}"), &Scene { instances }, &common::view(seed, 83, 45));
+    }
+}
+
+#[test]
+fn nothing_at_or_beyond_the_limit_of_a_pixel_is_drawn() {
+    for seed in 71..=74 {
+        let mut r = common::Random(seed);
+        let scene = Scene::of(Arc::new(common::cloud(seed, 300, 1)));
+        let view = common::view(seed, 83, 61);
+        // Whole tiles without anything, with everything, and a mixture.
+        let limit: Vec<f32> = (0..83 * 61)
+            .map(|p| match (p % 83 / 16, p / 83 / 16) {
+                (1, 1) => 0.0,
+                (2, 1) => f32::INFINITY,
+                _ => r.range(1.0, 5.0),
+            })
+            .collect();
+        agree_limited(&format!("limit seed {seed}"), &scene, &view, Some(&limit));
     }
 }
 
@@ -186,7 +234,7 @@ fn instruction_sets_with_the_same_rounding_give_the_same_bits() {
             println!("skipped: needs {} and {}", pair[0].name(), pair[1].name());
             continue;
         }
-        let [a, b] = pair.map(|set| draw(&scene, &view, set, &features, &slow));
+        let [a, b] = pair.map(|set| draw(&scene, &view, set, &features, &slow, None));
         assert_eq!(bits(a.color.as_flattened()), bits(b.color.as_flattened()));
         assert_eq!(bits(&a.features), bits(&b.features));
         assert_eq!(bits(&a.expected_depth), bits(&b.expected_depth));

@@ -45,6 +45,8 @@ pub(super) struct Pixels {
     pub(super) hits: Picture,
     pub(super) strongest: Picture,
     largest: Picture,
+    /// Camera z from which on nothing is drawn, where there is a limit.
+    limit: Picture,
     /// Weights of the current splat.
     weights: Picture,
     /// A picture per channel.
@@ -64,6 +66,7 @@ impl Default for Pixels {
             hits: zero,
             strongest: zero,
             largest: zero,
+            limit: zero,
             weights: zero,
             features: Vec::new(),
             masks: Vec::new(),
@@ -195,6 +198,9 @@ impl Blend<'_> {
         let Self { request, list, corner, pixels } = self;
         let parts = GROUP / S::LANES;
         let mut live = open::<COLOR, PICKS, SUMS>(&request, corner, pixels);
+        let limited = request.outputs.limit.is_some();
+        // No splat of the tile from this depth on is drawn.
+        let farthest = request.outputs.limit.map_or(f32::INFINITY, |limit| load_limit(limit, &request, corner, pixels));
         // Thresholds at or above 1 would ask about the pixel before anything was drawn; 1/255 is the least that is.
         let threshold = 1.0 - request.outputs.first_hits.unwrap_or(2.0).max(1e-3);
         let mut reached = [Reached::default(); BATCH];
@@ -220,6 +226,9 @@ impl Blend<'_> {
                     continue;
                 }
                 let splat = &request.splats[id as usize];
+                if limited && splat.z >= farthest {
+                    break 'tile;
+                }
                 let (along, shear, across) = (s.splat(splat.along), s.splat(splat.shear), s.splat(splat.across));
                 let mut pixel = [(along, along); GROUP / 4];
                 for part in 0..parts {
@@ -243,7 +252,11 @@ impl Blend<'_> {
                         let seen = s.ge(alpha, s.splat(SMALLEST_ALPHA));
                         // Negative where the pixel has ended, so that it stays so.
                         let after = s.fnma(alpha, t, t);
-                        let drawn = s.and(seen, s.ge(after, s.splat(LEAST_TRANSMITTANCE)));
+                        let mut drawn = s.and(seen, s.ge(after, s.splat(LEAST_TRANSMITTANCE)));
+                        if limited {
+                            // What comes later is deeper still: the pixel ends.
+                            drawn = s.and(drawn, s.gt(s.load(&pixels.limit[b], part), z));
+                        }
                         let weight = s.zero_unless(drawn, s.mul(alpha, t));
                         let kept = s.negative_where(s.and_not(seen, drawn), s.select(drawn, after, t));
                         s.store(&mut pixels.transmittance[b], part, kept);
@@ -344,6 +357,21 @@ fn open<const COLOR: bool, const PICKS: bool, const SUMS: bool>(
         }
     }
     live
+}
+
+/// Loads the limits of a tile; the farthest of them.
+fn load_limit(limit: &[f32], request: &Request, corner: (usize, usize), pixels: &mut Pixels) -> f32 {
+    let (width, height) = (TILE.min(request.size.0 - corner.0), TILE.min(request.size.1 - corner.1));
+    let mut farthest = f32::NEG_INFINITY;
+    for y in 0..height {
+        let row = &limit[(corner.1 + y) * request.size.0 + corner.0..][..width];
+        for (x, &z) in row.iter().enumerate() {
+            let z = if z.is_nan() { f32::INFINITY } else { z };
+            farthest = farthest.max(z);
+            pixels.limit[y / BLOCK * (TILE / BLOCK) + x / BLOCK].0[y % BLOCK * BLOCK + x % BLOCK] = z;
+        }
+    }
+    farthest
 }
 
 /// Position in its tile of pixel `i` of block `b`.

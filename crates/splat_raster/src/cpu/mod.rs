@@ -39,8 +39,7 @@ const LARGEST_PICTURE: u64 = 1 << 28;
 ///
 /// The result does not depend on the number of threads, to the bit, nor on whether AVX2 or AVX-512 is used.
 ///
-/// The tile lists of the last draw are kept. A further draw of the same scene (the same `Arc`s, transforms and hidden
-/// bits) from an equal view skips all stages but the last: ask for `votes` of a repainted mask right after a frame of
+/// The tile lists of the last draw are kept. A further draw of the same scene (the same `Arc`s and transforms) from an equal view skips all stages but the last: ask for `votes` of a repainted mask right after a frame of
 /// that view, with the same rasteriser, and it costs only that. A draw that also needs colours reuses the lists only if
 /// the earlier one had colours.
 pub struct CpuRasterizer {
@@ -70,7 +69,18 @@ struct Key {
 struct InstanceKey {
     cloud: Weak<Cloud>,
     hidden: Option<Weak<Selection>>,
+    subset: Option<Weak<[u32]>>,
+    tint: Option<Weak<[[u8; 4]]>>,
     transform: Similarity,
+}
+
+/// Whether both are absent or the same.
+fn same<T: ?Sized>(key: &Option<Weak<T>>, now: &Option<Arc<T>>) -> bool {
+    match (key, now) {
+        (None, None) => true,
+        (Some(a), Some(b)) => std::ptr::addr_eq(a.as_ptr(), Arc::as_ptr(b)),
+        _ => false,
+    }
 }
 
 impl Key {
@@ -80,12 +90,11 @@ impl Key {
             && (self.color || !color)
             && self.instances.len() == scene.instances.len()
             && self.instances.iter().zip(&scene.instances).all(|(key, instance)| {
-                let hidden = match (&key.hidden, &instance.hidden) {
-                    (None, None) => true,
-                    (Some(a), Some(b)) => a.as_ptr() == Arc::as_ptr(b),
-                    _ => false,
-                };
-                hidden && key.cloud.as_ptr() == Arc::as_ptr(&instance.cloud) && key.transform == instance.transform
+                same(&key.hidden, &instance.hidden)
+                    && same(&key.subset, &instance.subset)
+                    && (!color || same(&key.tint, &instance.tint))
+                    && key.cloud.as_ptr() == Arc::as_ptr(&instance.cloud)
+                    && key.transform == instance.transform
             })
     }
 
@@ -94,6 +103,8 @@ impl Key {
         self.instances.extend(scene.instances.iter().map(|i| InstanceKey {
             cloud: Arc::downgrade(&i.cloud),
             hidden: i.hidden.as_ref().map(Arc::downgrade),
+            subset: i.subset.as_ref().map(Arc::downgrade),
+            tint: i.tint.as_ref().map(Arc::downgrade),
             transform: i.transform,
         }));
         (self.view, self.color) = (Some(*view), color);
@@ -158,7 +169,7 @@ impl CpuRasterizer {
         self.blocks.clear();
         let mut first = 0;
         for instance in &scene.instances {
-            let len = instance.cloud.len();
+            let len = instance.len();
             let known = self.blocks.len();
             self.blocks.resize(known + len.div_ceil(BLOCK), Block::default());
             let setup = Setup::new(instance, first as u32, view, color);
@@ -272,8 +283,17 @@ fn check(scene: &Scene, view: &View, outputs: &Outputs) -> Result<(), RasterErro
     if u32::try_from(scene.len()).is_err() {
         return Err(RasterError::TooMany { found: scene.len() });
     }
-    for instance in &scene.instances {
+    for (k, instance) in scene.instances.iter().enumerate() {
         let count = instance.cloud.len();
+        if let Some(ids) = &instance.subset {
+            let rising = ids.is_sorted_by(|a, b| a < b) && ids.last().is_none_or(|&last| (last as usize) < count);
+            if !rising {
+                return Err(RasterError::Subset { instance: k, count });
+            }
+        }
+        if let Some(tint) = instance.tint.as_ref().filter(|tint| tint.len() != count) {
+            return Err(RasterError::Length { what: "tint", found: tint.len(), expected: count });
+        }
         if let Some(hidden) = instance.hidden.as_ref().filter(|hidden| hidden.len() != count) {
             return Err(RasterError::Length { what: "hidden", found: hidden.len(), expected: count });
         }
@@ -283,6 +303,10 @@ fn check(scene: &Scene, view: &View, outputs: &Outputs) -> Result<(), RasterErro
         if features.channels == 0 || features.values.len() != expected {
             return Err(RasterError::Length { what: "features", found: features.values.len(), expected });
         }
+    }
+    let pixels = view.width as usize * view.height as usize;
+    if let Some(limit) = outputs.limit.filter(|limit| limit.len() != pixels) {
+        return Err(RasterError::Length { what: "limit", found: limit.len(), expected: pixels });
     }
     for mask in outputs.votes.unwrap_or_default() {
         if (mask.width(), mask.height()) != (view.width, view.height) {

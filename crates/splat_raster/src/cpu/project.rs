@@ -25,6 +25,9 @@ const BRIGHTEST: f32 = 1e6;
 pub(super) struct Setup<'a> {
     cloud: &'a Cloud,
     hidden: Option<&'a Selection>,
+    /// The cloud's ids of the instance's Gaussians, unless it has all.
+    subset: Option<&'a [u32]>,
+    tint: Option<&'a [[u8; 4]]>,
     /// Scene-wide id of the first Gaussian.
     first_id: u32,
     /// Rows map the cloud's space to camera space, scale included.
@@ -63,6 +66,8 @@ impl<'a> Setup<'a> {
         Self {
             cloud: &instance.cloud,
             hidden: instance.hidden.as_deref(),
+            subset: instance.subset.as_deref(),
+            tint: instance.tint.as_deref(),
             first_id,
             rows: [view_from_cloud.row(0), view_from_cloud.row(1), view_from_cloud.row(2)],
             origin: (view_from_world * (translation - position)).as_vec3(),
@@ -100,7 +105,7 @@ impl Default for Block {
 /// Projects a block of consecutive Gaussians.
 pub(super) struct Project<'a> {
     pub(super) setup: &'a Setup<'a>,
-    /// Position in the cloud of the first Gaussian.
+    /// Position in the instance of the first Gaussian.
     pub(super) start: usize,
     /// One per Gaussian of the block; written where it survives.
     pub(super) splats: &'a mut [Splat],
@@ -130,6 +135,17 @@ impl Kernel for Project<'_> {
 
     #[inline(always)]
     fn run<S: Simd>(self, s: S) -> Block {
+        match self.setup.subset {
+            None => self.all(s, |position| position),
+            Some(ids) => self.all(s, |position| ids[position] as usize),
+        }
+    }
+}
+
+impl Project<'_> {
+    /// `cloud_id` gives the Gaussian at a position of the instance.
+    #[inline(always)]
+    fn all<S: Simd>(self, s: S, cloud_id: impl Fn(usize) -> usize) -> Block {
         let Self { setup, start, splats, covers, keys } = self;
         let cloud = setup.cloud;
         let (means, log_scales) = (cloud.means(), cloud.log_scales());
@@ -144,9 +160,15 @@ impl Kernel for Project<'_> {
         let mut at = start;
         while at < end {
             let count = GROUP.min(end - at);
-            let mut alive = ((1u32 << count) - 1) & !hidden_bits(setup.hidden, at);
+            let mut alive = (1u32 << count) - 1;
+            if let Some(hidden) = setup.hidden {
+                alive &= !match setup.subset {
+                    None => hidden_bits(hidden, at),
+                    Some(_) => (0..count).fold(0, |bits, i| bits | u32::from(hidden.contains(cloud_id(at + i))) << i),
+                };
+            }
             for i in 0..count {
-                let m = means[at + i];
+                let m = means[cloud_id(at + i)];
                 lanes.mean[0].0[i] = m.x;
                 lanes.mean[1].0[i] = m.y;
                 lanes.mean[2].0[i] = m.z;
@@ -154,16 +176,17 @@ impl Kernel for Project<'_> {
             alive &= to_view(s, setup, &mut lanes);
             if alive != 0 {
                 for i in 0..count {
-                    let l = log_scales[at + i];
+                    let id = cloud_id(at + i);
+                    let l = log_scales[id];
                     lanes.log_scale[0].0[i] = l.x;
                     lanes.log_scale[1].0[i] = l.y;
                     lanes.log_scale[2].0[i] = l.z;
-                    let q = rotations[at + i];
+                    let q = rotations[id];
                     lanes.rotation[0].0[i] = q.x;
                     lanes.rotation[1].0[i] = q.y;
                     lanes.rotation[2].0[i] = q.z;
                     lanes.rotation[3].0[i] = q.w;
-                    lanes.logit.0[i] = logits[at + i];
+                    lanes.logit.0[i] = logits[id];
                 }
                 alive &= to_pixels(s, setup, &mut lanes);
                 if setup.color && alive != 0 && degree > 0 {
@@ -177,8 +200,12 @@ impl Kernel for Project<'_> {
                 let id = setup.first_id + (at + i) as u32;
                 let mut color = [0.0; 3];
                 if setup.color {
-                    let sh = &cloud.sh()[(at + i) * stride..][..stride];
+                    let gaussian = cloud_id(at + i);
+                    let sh = &cloud.sh()[gaussian * stride..][..stride];
                     color = blend_harmonics(&harmonics, i, sh, coefficients);
+                    if let Some(tint) = setup.tint {
+                        color = tinted(color, tint[gaussian]);
+                    }
                 }
                 let f = &lanes.splat;
                 let splat = Splat {
@@ -207,9 +234,14 @@ impl Kernel for Project<'_> {
     }
 }
 
+/// A colour with another mixed over it, as [`Instance::tint`] says.
+fn tinted(color: [f32; 3], tint: [u8; 4]) -> [f32; 3] {
+    let strength = f32::from(tint[3]) / 255.0;
+    [0, 1, 2].map(|c| color[c] + (f32::from(tint[c]) / 255.0 - color[c]) * strength)
+}
+
 /// Hidden bits of 16 Gaussians from `at` on.
-fn hidden_bits(hidden: Option<&Selection>, at: usize) -> u32 {
-    let Some(hidden) = hidden else { return 0 };
+fn hidden_bits(hidden: &Selection, at: usize) -> u32 {
     // Blocks start at multiples of 16, so a group never straddles two words.
     (hidden.words()[at / 64] >> (at % 64)) as u32 & 0xffff
 }

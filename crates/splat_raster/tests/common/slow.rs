@@ -83,7 +83,9 @@ fn project(scene: &Scene, view: &View) -> Vec<Projected> {
         let k = f64::from(instance.transform.scale);
         let turn = DMat3::from_quat(instance.transform.rotation.as_dquat());
         let shift = instance.transform.translation.as_dvec3();
-        for g in 0..cloud.len() {
+        let all: Vec<u32> = (0..cloud.len() as u32).collect();
+        for &g in instance.subset.as_deref().unwrap_or(&all) {
+            let g = g as usize;
             id += 1;
             let hidden = instance.hidden.as_ref().is_some_and(|h| h.contains(g));
             let (mean, q) = (cloud.means()[g], cloud.rotations()[g]);
@@ -134,7 +136,10 @@ fn project(scene: &Scene, view: &View) -> Vec<Projected> {
             let sh = cloud.sh_of(g);
             let color = [0, 1, 2].map(|channel| {
                 let sum: f64 = y.iter().enumerate().map(|(k, y)| y * f64::from(sh[3 * k + channel])).sum();
-                (0.5 + sum).max(0.0)
+                let own = (0.5 + sum).max(0.0);
+                let Some(tint) = &instance.tint else { return own };
+                let strength = f64::from(tint[g][3]) / 255.0;
+                own * (1.0 - strength) + f64::from(tint[g][channel]) / 255.0 * strength
             });
             // No pixel further than this has alpha of 1/255: a circle about the ellipse.
             let radius = (a.max(c) * 2.0 * 2.0 * (255.0 * opacity).ln().max(0.0)).sqrt() + 1.0;
@@ -148,6 +153,18 @@ fn project(scene: &Scene, view: &View) -> Vec<Projected> {
 
 /// Draws everything: `features` has `channels` values per Gaussian, hits are at `tau`.
 pub(crate) fn draw(scene: &Scene, view: &View, channels: usize, features: &[f32], tau: f64) -> SlowFrame {
+    draw_limited(scene, view, channels, features, tau, &[])
+}
+
+/// The same, with nothing at or beyond a depth per pixel; an empty `limit` is none.
+pub(crate) fn draw_limited(
+    scene: &Scene,
+    view: &View,
+    channels: usize,
+    features: &[f32],
+    tau: f64,
+    limit: &[f32],
+) -> SlowFrame {
     let (width, height) = (view.width as usize, view.height as usize);
     let (pixels, count) = (width * height, scene.len());
     let mut f = SlowFrame {
@@ -176,6 +193,12 @@ pub(crate) fn draw(scene: &Scene, view: &View, channels: usize, features: &[f32]
                 let p = y * width + x;
                 if ended[p] {
                     continue;
+                }
+                if let Some(&limit) = limit.get(p) {
+                    f.doubt[p] |= (g.z - f64::from(limit)).abs() < 2e-6 * g.z;
+                    if g.z >= f64::from(limit) {
+                        continue;
+                    }
                 }
                 let (dx, dy) = (x as f64 + 0.5 - g.mean[0], y as f64 + 0.5 - g.mean[1]);
                 let q = g.conic[0] * dx * dx + 2.0 * g.conic[1] * dx * dy + g.conic[2] * dy * dy;
