@@ -10,22 +10,59 @@ mod cloud;
 mod compact;
 mod context;
 mod error;
+mod lists;
 mod project;
+mod readback;
 mod scan;
 mod scene;
 mod sort;
+mod timings;
 
 pub use cloud::{GpuBits, GpuCloud, GpuIds, GpuTint};
 pub use context::{GpuOptions, Precision, Subgroups};
 pub use error::GpuError;
 pub use scene::GpuInstance;
+pub use timings::GpuTimings;
 
+use bin::BinKernels;
+use compact::CompactKernels;
 use context::Context;
+use project::ProjectKernels;
+use scan::ScanKernels;
+use sort::SortKernels;
 
 /// A device with all stages compiled.
 #[derive(Debug)]
 pub struct Gpu {
     context: Context,
+    stages: Stages,
+}
+
+/// The compiled kernels of all stages.
+#[derive(Debug)]
+struct Stages {
+    project: ProjectKernels,
+    compact: CompactKernels,
+    scan: ScanKernels,
+    sort: SortKernels,
+    bin: BinKernels,
+}
+
+impl Stages {
+    fn new(context: &Context) -> Result<Self, GpuError> {
+        Ok(Self {
+            project: ProjectKernels::new(context)?,
+            compact: CompactKernels::new(context)?,
+            scan: ScanKernels::new(context)?,
+            sort: SortKernels::new(context)?,
+            bin: BinKernels::new(context)?,
+        })
+    }
+
+    /// Those that a binner goes through.
+    fn binning(&self) -> bin::Kernels<'_> {
+        bin::Kernels { bin: &self.bin, scan: &self.scan, sort: &self.sort }
+    }
 }
 
 impl Gpu {
@@ -46,7 +83,8 @@ impl Gpu {
     }
 
     fn from_context(context: Context) -> Result<Self, GpuError> {
-        Ok(Self { context })
+        let stages = Stages::new(&context)?;
+        Ok(Self { context, stages })
     }
 
     /// What the device is called.
