@@ -15,24 +15,25 @@ pub(crate) struct Contender {
     pub(crate) name: &'static str,
     program: &'static str,
     arguments: &'static [&'static str],
-    /// Instead of `arguments` where the picture is wanted, and what is to be undone then.
-    still: Option<Still>,
+    /// Whether its time is of interest.
+    pub(crate) timed: bool,
+    /// Whether its picture is encoded once more than it should be.
+    encoded_twice: bool,
     /// Whether there is a picture to compare.
     pub(crate) draws: bool,
     /// Whether it belongs to the sweep of a graphics device.
     pub(crate) sweeps: bool,
 }
 
-/// A second way to draw the picture that is compared.
-#[derive(Debug)]
-struct Still {
-    arguments: &'static [&'static str],
-    /// The picture was encoded once more than it should be.
-    encoded_twice: bool,
-}
-
-const OURS: Contender =
-    Contender { name: "", program: "peer_ours", arguments: &[], still: None, draws: true, sweeps: false };
+const OURS: Contender = Contender {
+    name: "",
+    program: "peer_ours",
+    arguments: &[],
+    timed: true,
+    encoded_twice: false,
+    draws: true,
+    sweeps: false,
+};
 const GAUSSIAN_SPLATTING: Contender = Contender { program: "peer_bevy_gaussian_splatting", ..OURS };
 
 /// All of them, in the order of the table.
@@ -50,7 +51,8 @@ pub(crate) const CONTENDERS: &[Contender] = &[
     Contender {
         name: "bevy_gaussian_splatting, blended as trained",
         arguments: &["--sort", "radix", "--blend-encoded"],
-        still: Some(Still { arguments: &["--sort", "radix", "--blend-encoded"], encoded_twice: true }),
+        timed: false,
+        encoded_twice: true,
         ..GAUSSIAN_SPLATTING
     },
     Contender { name: "wgpu-3dgs-viewer", program: "peer_wgpu_3dgs_viewer", sweeps: true, ..OURS },
@@ -92,8 +94,17 @@ impl Runner {
 
     /// One round of one contender.
     pub(crate) fn measure(&self, contender: &Contender, job: &Job<'_>) -> Result<Report, Failure> {
-        let mut command = self.command(contender, contender.arguments, job, job.size);
-        command.args(["--warmup", &job.warmup.to_string(), "--frames", &job.frames.to_string()]);
+        self.round(contender, job, &[])
+    }
+
+    /// One round that is not for the clock: what the parts of its frames cost.
+    pub(crate) fn stages(&self, contender: &Contender, job: &Job<'_>) -> Result<Report, Failure> {
+        self.round(contender, job, &["--stages"])
+    }
+
+    fn round(&self, contender: &Contender, job: &Job<'_>, more: &[&str]) -> Result<Report, Failure> {
+        let mut command = self.command(contender, job, job.size);
+        command.args(["--warmup", &job.warmup.to_string(), "--frames", &job.frames.to_string()]).args(more);
         self.run(contender, command)
     }
 
@@ -104,8 +115,7 @@ impl Runner {
         job: &Job<'_>,
         size: (u32, u32),
     ) -> Result<Vec<[f64; 3]>, Failure> {
-        let still = contender.still.as_ref();
-        let mut command = self.command(contender, still.map_or(contender.arguments, |s| s.arguments), job, size);
+        let mut command = self.command(contender, job, size);
         let path = self.out.join(format!("{}.png", self.file_name(contender)));
         // A picture of an earlier run must not stand for one that was not drawn.
         let _ = std::fs::remove_file(&path);
@@ -113,7 +123,7 @@ impl Runner {
         self.run(contender, command)?;
         let picture = splat_io::picture::read_png(&path).map_err(|e| Failure(e.to_string()))?;
         let mut colors = crate::reference::colors(&picture);
-        if still.is_some_and(|s| s.encoded_twice) {
+        if contender.encoded_twice {
             colors.iter_mut().flatten().for_each(|v| *v = crate::reference::decoded(*v));
         }
         Ok(colors)
@@ -133,9 +143,9 @@ impl Runner {
         self.run(&Contender { name: "measuring", ..OURS }, command)
     }
 
-    fn command(&self, contender: &Contender, arguments: &[&str], job: &Job<'_>, size: (u32, u32)) -> Command {
+    fn command(&self, contender: &Contender, job: &Job<'_>, size: (u32, u32)) -> Command {
         let mut command = Command::new(self.programs.join(contender.program));
-        command.args(arguments).arg("--scene").arg(job.scene).arg("--cameras").arg(job.cameras);
+        command.args(contender.arguments).arg("--scene").arg(job.scene).arg("--cameras").arg(job.cameras);
         command.args(["--size", &format!("{}x{}", size.0, size.1)]);
         command
     }

@@ -131,10 +131,14 @@ fn compare(
         frames: options.frames,
     };
     for round in 0..options.rounds {
-        for row in &mut rows {
+        for row in rows.iter_mut().filter(|row| row.contender.timed) {
             eprintln!("{name}: round {} of {}, {}", round + 1, options.rounds, row.contender.name);
             row.add(runner.measure(row.contender, &job));
         }
+    }
+    for row in rows.iter_mut().filter(|row| row.contender.timed) {
+        eprintln!("{name}: stages, {}", row.contender.name);
+        row.staged = runner.stages(row.contender, &job).ok();
     }
     if let Some(reference) = &reference {
         runner.write_reference(reference, options.still)?;

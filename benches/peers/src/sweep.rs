@@ -38,6 +38,9 @@ pub(crate) fn run(options: &Options, runner: &Runner) -> Result<String, Failure>
                 row.add(runner.measure(row.contender, &job));
             }
         }
+        for row in &mut rows {
+            row.staged = runner.stages(row.contender, &job).ok();
+        }
         text += &section(count, &rows, rate);
         // The large ones take gigabytes.
         let _ = std::fs::remove_file(&path);
@@ -58,7 +61,6 @@ fn section(count: usize, rows: &[Row], rate: Option<f64>) -> String {
         };
         let stages: Vec<String> = row
             .stages()
-            .into_iter()
             .filter(|(name, ms, _)| *ms >= 5e-3 && !name.ends_with(" cpu"))
             .map(|(name, ms, bytes)| match bytes.zip(rate) {
                 Some((bytes, rate)) => format!("{name} {ms:.2} ({:.2})", bytes / rate),

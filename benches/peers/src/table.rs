@@ -10,6 +10,8 @@ use crate::contenders::{ALONE, BASE, Contender};
 pub(crate) struct Row {
     pub(crate) contender: &'static Contender,
     pub(crate) reports: Vec<Report>,
+    /// A round that told of the stages.
+    pub(crate) staged: Option<Report>,
     pub(crate) failures: Vec<Failure>,
     pub(crate) psnr: Result<f64, Failure>,
 }
@@ -17,7 +19,7 @@ pub(crate) struct Row {
 impl Row {
     pub(crate) fn new(contender: &'static Contender) -> Self {
         let psnr = Err(Failure("no picture was asked for".to_owned()));
-        Self { contender, reports: Vec::new(), failures: Vec::new(), psnr }
+        Self { contender, reports: Vec::new(), staged: None, failures: Vec::new(), psnr }
     }
 
     pub(crate) fn add(&mut self, outcome: Result<Report, Failure>) {
@@ -42,14 +44,10 @@ impl Row {
         (!values.is_empty()).then(|| (median(values), least))
     }
 
-    /// Medians over the rounds of what the contender said of its stages, in the order of the first round.
-    pub(crate) fn stages(&self) -> Vec<(String, f64, Option<f64>)> {
-        let Some(first) = self.reports.first() else { return Vec::new() };
-        let of = |name: &str| {
-            let same = |r: &Report| r.stages.iter().find(|s| s.name == name).map(|s| s.ms);
-            median(self.reports.iter().filter_map(same).collect())
-        };
-        first.stages.iter().map(|s| (s.name.clone(), of(&s.name), s.bytes)).collect()
+    /// What the contender says of its stages: name, milliseconds, least bytes moved.
+    pub(crate) fn stages(&self) -> impl Iterator<Item = (&str, f64, Option<f64>)> {
+        let stages = self.staged.iter().flat_map(|report| &report.stages);
+        stages.map(|stage| (&*stage.name, stage.ms, stage.bytes))
     }
 }
 
@@ -96,13 +94,19 @@ impl fmt::Display for Table<'_> {
         }
         writeln!(f)?;
         for row in self.0 {
-            for (name, ms, _) in row.stages().into_iter().filter(|(_, ms, _)| *ms >= 0.05).take(12) {
-                writeln!(f, "- {}: {name} {ms:.2} ms", row.contender.name)?;
+            let told: Vec<String> = row
+                .stages()
+                .filter(|(_, ms, _)| *ms >= 0.05)
+                .map(|(name, ms, _)| format!("{name} {ms:.2} ms"))
+                .collect();
+            if !told.is_empty() {
+                writeln!(f, "- stages of {}: {}", row.contender.name, told.join(", "))?;
             }
         }
         for row in self.0 {
-            let device = row.reports.first().map(|r| &*r.device).unwrap_or("nothing");
-            writeln!(f, "- {} drew on {device}", row.contender.name)?;
+            if let Some(report) = row.reports.first() {
+                writeln!(f, "- {} drew on {}", row.contender.name, report.device)?;
+            }
             let picture = row.psnr.as_ref().err().filter(|_| row.contender.draws);
             for failure in row.failures.first().into_iter().chain(picture) {
                 writeln!(f, "- {}: {failure}", row.contender.name)?;

@@ -58,7 +58,10 @@ impl BevyFrame {
                 .disable::<WinitPlugin>()
                 .disable::<PipelinedRenderingPlugin>(),
         );
-        app.add_plugins(RenderDiagnosticsPlugin).insert_resource(ClearColor(Color::BLACK));
+        app.insert_resource(ClearColor(Color::BLACK));
+        if job.stages {
+            app.add_plugins(RenderDiagnosticsPlugin);
+        }
         add(&mut app);
         let started = Instant::now();
         while app.plugins_state() == PluginsState::Adding && started.elapsed() < PATIENCE {

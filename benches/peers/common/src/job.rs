@@ -24,6 +24,9 @@ pub struct Job {
     /// Frames that count
     #[arg(long, default_value_t = 10)]
     pub frames: usize,
+    /// Measure the parts of a frame, too: the frames are then slower than without
+    #[arg(long)]
+    pub stages: bool,
     /// Draw the still view instead, and write its picture here
     #[arg(long, value_name = "PNG")]
     pub shot: Option<PathBuf>,

@@ -1,5 +1,6 @@
 //! Our own contenders: the Bevy plugin, the rasteriser alone, and a Bevy frame without splats.
 
+mod bandwidth;
 mod plugin;
 mod rasterizer;
 
@@ -24,6 +25,8 @@ enum Contender {
         #[command(flatten)]
         job: Job,
     },
+    /// How fast the graphics device copies memory
+    Bandwidth,
     /// The rasteriser without an engine
     Rasterizer {
         #[command(flatten)]
@@ -48,6 +51,7 @@ fn main() -> ExitCode {
     let done = match Contender::parse() {
         Contender::Plugin { job, backend } => plugin::run(&job, backend),
         Contender::Empty { job } => plugin::empty(&job),
+        Contender::Bandwidth => bandwidth::run(),
         Contender::Rasterizer { job, backend: Backend::Gpu } => rasterizer::gpu(&job),
         Contender::Rasterizer { job, .. } => rasterizer::cpu(&job),
     };

@@ -57,7 +57,7 @@ fn run(job: &Job) -> Result<(), Failure> {
         view_formats: &[],
     });
     let target_view = target.create_view(&wgpu::TextureViewDescriptor::default());
-    let marks = Marks::new(&device, &queue);
+    let marks = if job.stages { Marks::new(&device, &queue) } else { Marks(None) };
     let mut stages: [Vec<f64>; 3] = Default::default();
     for pose in job.walk()? {
         let eye = Eye { pose, fov_y: cameras.fov_y, near: cameras.near, far: cameras.far };
