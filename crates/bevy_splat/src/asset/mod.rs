@@ -41,3 +41,6 @@ impl Plugin for SplatAssetPlugin {
             .add_systems(PostUpdate, fit::fit.in_set(SplatFitSystems));
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,5 @@
+//! Files in memory, an app without a device.
+
+mod files;
+mod reload;
+mod scenes;
