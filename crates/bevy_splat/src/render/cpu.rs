@@ -103,7 +103,7 @@ impl CpuView {
             color: true,
             median_depth: plan.needs_depth(),
             features: any_selected.then_some(Features { channels: 1, values: &self.selected.0 }),
-            // LIMIT
+            limit: (read && plan.meshes).then_some(&*self.read_back.limits),
             ..Outputs::default()
         };
         if let Err(error) = self.rasterizer.draw(&plan.scene, &plan.camera.view, &outputs, &mut self.frame) {
@@ -153,11 +153,17 @@ impl CpuView {
         values.resize(len, 0.0);
         let mut first = 0;
         for (instance, bits) in now.scene.instances.iter().zip(&now.selected) {
-            let own = &mut values[first..first + instance.cloud.len()];
+            let own = &mut values[first..first + instance.len()];
             if let Some(bits) = bits {
-                bits.iter().for_each(|id| own[id] = 1.0); // SUBSET
+                match &instance.subset {
+                    Some(ids) => {
+                        let inside = |id: u32| f32::from(u8::from(bits.contains(id as usize)));
+                        own.iter_mut().zip(ids.iter()).for_each(|(value, &id)| *value = inside(id));
+                    }
+                    None => bits.iter().for_each(|id| own[id] = 1.0),
+                }
             }
-            first += instance.cloud.len();
+            first += instance.len();
         }
         of.clone_from(&now.selected);
     }

@@ -342,7 +342,8 @@ fn cpu_scene(entities: &[Entity], extracted: &ExtractedSplats) -> Scene {
             cloud: own.cloud.clone(),
             transform: own.transform,
             hidden: own.hidden.clone(),
-            ..Instance::new(own.cloud.clone())
+            subset: own.subset.clone(),
+            tint: own.tint.clone(),
         }
     };
     Scene { instances: entities.iter().map(instance).collect() }
