@@ -8,16 +8,41 @@ use crate::components::SplatHighlightPlugin;
 use crate::parts::SplatPartsPlugin;
 use crate::render::SplatRenderPlugin;
 
-/// All plugins of this crate, each of which can be left out.
-#[derive(Default)]
+/// All plugins of this crate. To add one is one line.
+///
+/// | plugin | what it adds |
+/// |---|---|
+/// | [`SplatAssetPlugin`] | loading, saving, hot reload; the others need it |
+/// | [`SplatRenderPlugin`] | drawing; needs Bevy's render plugins |
+/// | [`SplatHighlightPlugin`] | colours of the selection and of parts |
+/// | [`SplatPartsPlugin`] | messages of `extract_part` and `restore_part`, memory of despawned parts |
+///
+/// Without a window or a device leave drawing out: `BevySplatPlugins.build().disable::<SplatRenderPlugin>()`.
+#[derive(Clone, Copy, Debug, Default)]
 pub struct BevySplatPlugins;
 
 impl PluginGroup for BevySplatPlugins {
     fn build(self) -> PluginGroupBuilder {
         PluginGroupBuilder::start::<Self>()
             .add(SplatAssetPlugin)
+            .add(SplatRenderPlugin)
             .add(SplatHighlightPlugin)
             .add(SplatPartsPlugin)
-            .add(SplatRenderPlugin)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing;
+
+    #[test]
+    fn all_but_drawing_run_without_a_device() {
+        let mut app = App::new();
+        let plugins = BevySplatPlugins.build().disable::<SplatRenderPlugin>();
+        app.add_plugins((MinimalPlugins, AssetPlugin::default(), plugins));
+        testing::spawn(&mut app, 5);
+        app.update();
+        app.update();
     }
 }

@@ -1,5 +1,8 @@
 //! Everything a scene with captures names: `use bevy_splat::prelude::*`.
 
+pub use crate::asset::{SplatAssetPlugin, SplatCameras, SplatCloudSaver, SplatCloudSettings};
+pub use crate::components::SplatHighlightPlugin;
+pub use crate::parts::{PartExtracted, PartRestored, PartsLookup, SplatPartsPlugin};
 pub use crate::render::{
     SplatBackend, SplatBackground, SplatCamera, SplatDepth, SplatOrder, SplatOutline, SplatRenderPlugin,
     SplatRenderStats,

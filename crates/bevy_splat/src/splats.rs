@@ -29,7 +29,7 @@ pub const UPRIGHT: Transform =
 /// [`SplatSubset`](crate::SplatSubset), [`SplatHighlight`](crate::SplatHighlight).
 ///
 /// The `Transform` is [`UPRIGHT`] unless given. Its scale must be the same along all axes: Gaussians cannot be sheared.
-#[derive(Component, Clone, Debug, Default, Deref, DerefMut, PartialEq, Eq, Reflect)]
+#[derive(Component, FromTemplate, Clone, Debug, Default, Deref, DerefMut, PartialEq, Eq, Reflect)]
 #[reflect(Component, Default, Clone, Debug, PartialEq)]
 #[require(Transform = UPRIGHT, Visibility, VisibilityClass, SplatFlags)]
 #[component(on_add = visibility::add_visibility_class::<Splats>)]
@@ -75,5 +75,20 @@ mod tests {
         let own = Transform::from_xyz(1.0, 2.0, 3.0);
         let entity = world.spawn((Splats::default(), own)).id();
         assert_eq!(world.get(entity), Some(&own));
+    }
+
+    #[test]
+    fn a_path_is_enough_in_bsn() {
+        let (mut app, files) = crate::testing::app_with_files();
+        app.add_plugins(bevy::scene::ScenePlugin);
+        app.update();
+        let mut bytes = Vec::new();
+        let format = splat_io::format_named("ply").unwrap();
+        splat_io::write_as(format, &crate::testing::cloud(9).cloud, &default(), &mut bytes).unwrap();
+        files.insert_asset(std::path::Path::new("room.ply"), bytes);
+        let entity = app.world_mut().spawn_scene(bsn! { Splats("room.ply") }).unwrap().id();
+        let handle = app.world().get::<Splats>(entity).unwrap().0.clone();
+        assert_eq!(crate::testing::finished(&mut app, &handle).unwrap().cloud.len(), 9);
+        assert_eq!(app.world().get(entity), Some(&UPRIGHT));
     }
 }
