@@ -19,11 +19,12 @@ struct ScanParams {
 @group(0) @binding(3) var<storage, read_write> scan_counters: array<u32>;
 
 const SCAN_ITEMS: u32 = SCAN_BLOCK / BLOCK;
+const SCAN_ROWS: u32 = BLOCK / 16u;
 
 var<workgroup> scan_count: u32;
 // Of each thread: its numbers, and its share of the blocks before.
 var<workgroup> scan_lanes: array<vec2<u32>, BLOCK>;
-var<workgroup> scan_rows: array<vec2<u32>, BLOCK / 16u>;
+var<workgroup> scan_rows: array<vec2<u32>, SCAN_ROWS + 1u>;
 
 fn add_saturating(a: u32, b: u32) -> u32 {
     let sum = a + b;
@@ -47,26 +48,31 @@ fn scan_read_count(thread: u32) -> u32 {
     return workgroupUniformLoad(&scan_count);
 }
 
-// Sum of the values of the threads before, and of all: rows of 16 threads, then the rows.
+// Sum of the values of the threads before, and of all: a thread adds up a row of 16, then one the rows.
 fn scan_threads(thread: u32, value: vec2<u32>) -> array<vec2<u32>, 2> {
     scan_lanes[thread] = value;
     workgroupBarrier();
-    var before = vec2<u32>(0u);
-    for (var k = thread & ~15u; k < thread; k++) {
-        before = add_both(before, scan_lanes[k]);
-    }
-    if (thread & 15u) == 15u {
-        scan_rows[thread / 16u] = add_both(before, value);
+    if thread < SCAN_ROWS {
+        var sum = vec2<u32>(0u);
+        for (var k = thread * 16u; k < thread * 16u + 16u; k++) {
+            let here = scan_lanes[k];
+            scan_lanes[k] = sum;
+            sum = add_both(sum, here);
+        }
+        scan_rows[thread] = sum;
     }
     workgroupBarrier();
-    var all = vec2<u32>(0u);
-    for (var row = 0u; row < BLOCK / 16u; row++) {
-        if row == thread / 16u {
-            before = add_both(before, all);
+    if thread == 0u {
+        var sum = vec2<u32>(0u);
+        for (var row = 0u; row < SCAN_ROWS; row++) {
+            let here = scan_rows[row];
+            scan_rows[row] = sum;
+            sum = add_both(sum, here);
         }
-        all = add_both(all, scan_rows[row]);
+        scan_rows[SCAN_ROWS] = sum;
     }
-    return array<vec2<u32>, 2>(before, all);
+    workgroupBarrier();
+    return array<vec2<u32>, 2>(add_both(scan_lanes[thread], scan_rows[thread / 16u]), scan_rows[SCAN_ROWS]);
 }
 
 @compute @workgroup_size(BLOCK)

@@ -73,45 +73,88 @@ fn sort_histogram(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invoca
 //#end
 
 //#if SCANS
-var<workgroup> partial: array<u32, BLOCK>;
-var<workgroup> partial_rows: array<u32, BLOCK / 16u>;
+//#if ROWS
+const SCAN_THREADS: u32 = 64u;
+const SCAN_WIDTH: u32 = 8u;
+//#else
+const SCAN_THREADS: u32 = BLOCK;
+const SCAN_WIDTH: u32 = 16u;
+//#end
+const SCAN_ROWS: u32 = SCAN_THREADS / SCAN_WIDTH;
 
-// Sum of the values of the threads before, and of all: rows of 16 threads, then the rows.
+//#if SUBGROUPS
+// Of each subgroup, which has 4 threads or more: its sum; and what is before it, at last of all.
+var<workgroup> row_totals: array<u32, SCAN_THREADS / 4u>;
+var<workgroup> row_sums: array<u32, SCAN_THREADS / 4u + 1u>;
+
+// Sum of the values of the threads before, and of all: by subgroups, then over them.
+fn scan_threads(thread: u32, value: u32, size: u32, lane: u32) -> vec2<u32> {
+    let rows = SCAN_THREADS / size;
+    let before = subgroupExclusiveAdd(value);
+    if lane == size - 1u {
+        row_totals[thread / size] = before + value;
+    }
+    workgroupBarrier();
+    if thread < rows {
+        var sum = 0u;
+        for (var row = 0u; row < thread; row++) {
+            sum += row_totals[row];
+        }
+        row_sums[thread] = sum;
+        if thread == rows - 1u {
+            row_sums[rows] = sum + row_totals[thread];
+        }
+    }
+    workgroupBarrier();
+    // No barrier here: the next call has one between what it writes first and what is read here, and one before it writes this.
+    return vec2<u32>(before + row_sums[thread / size], row_sums[rows]);
+}
+//#else
+var<workgroup> partial: array<u32, SCAN_THREADS>;
+// Of each row of threads what is before it, at last of all.
+var<workgroup> row_sums: array<u32, SCAN_ROWS + 1u>;
+
+// Sum of the values of the threads before, and of all: a thread adds up a row, then one the rows.
 fn scan_threads(thread: u32, value: u32) -> vec2<u32> {
     partial[thread] = value;
     workgroupBarrier();
-    var before = 0u;
-    for (var k = thread & ~15u; k < thread; k++) {
-        before += partial[k];
-    }
-    if (thread & 15u) == 15u {
-        partial_rows[thread / 16u] = before + value;
-    }
-    workgroupBarrier();
-    var all = 0u;
-    for (var row = 0u; row < BLOCK / 16u; row++) {
-        if row == thread / 16u {
-            before += all;
+    if thread < SCAN_ROWS {
+        var sum = 0u;
+        for (var k = thread * SCAN_WIDTH; k < (thread + 1u) * SCAN_WIDTH; k++) {
+            let here = partial[k];
+            partial[k] = sum;
+            sum += here;
         }
-        all += partial_rows[row];
+        row_sums[thread] = sum;
     }
-    // The next call must not write before all have read.
     workgroupBarrier();
-    return vec2<u32>(before, all);
+    if thread == 0u {
+        var sum = 0u;
+        for (var row = 0u; row < SCAN_ROWS; row++) {
+            let here = row_sums[row];
+            row_sums[row] = sum;
+            sum += here;
+        }
+        row_sums[SCAN_ROWS] = sum;
+    }
+    workgroupBarrier();
+    // No barrier here: a thread writes only its own of `partial` before the next call's first barrier.
+    return vec2<u32>(partial[thread] + row_sums[thread / SCAN_WIDTH], row_sums[SCAN_ROWS]);
 }
+//#end
 //#end
 
 //#if ROWS
 @group(0) @binding(3) var<storage, read_write> sort_totals: array<u32>;
 
-const ROW_ITEMS: u32 = 4u;
+const ROW_ITEMS: u32 = 8u;
 
-@compute @workgroup_size(BLOCK)
+@compute @workgroup_size(SCAN_THREADS)
 fn sort_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let blocks = sort_blocks();
     let row = group.x * blocks;
     var carry = 0u;
-    for (var start = 0u; start < blocks; start += BLOCK * ROW_ITEMS) {
+    for (var start = 0u; start < blocks; start += SCAN_THREADS * ROW_ITEMS) {
         let first = start + thread * ROW_ITEMS;
         var values: array<u32, ROW_ITEMS>;
         var sum = 0u;
@@ -252,7 +295,7 @@ fn order(block: u32, count: u32, subgroup: u32, size: u32, lane: u32) {
             sums += here;
         }
     }
-    let lower = scan_threads(thread, sums);
+    let lower = scan_threads(thread, sums, size, lane);
     if thread < ROW_WORDS {
         places[thread] = lower.x & 0xffffu;
         places[thread + ROW_WORDS] = (lower.y & 0xffffu) + (lower.x >> 16u);
@@ -354,7 +397,11 @@ fn sort_scatter(
             places[digit] = i;
         }
     }
+//#if SUBGROUPS
+    let start = scan_threads(thread, sort_totals[thread], size, lane).x;
+//#else
     let start = scan_threads(thread, sort_totals[thread]).x;
+//#end
     if count != 0u {
         places[thread] = start + sort_table[thread * sort_blocks() + block] - places[thread];
     }

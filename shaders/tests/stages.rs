@@ -22,7 +22,11 @@ fn modules() -> Vec<(String, naga::Module)> {
 #[test]
 fn every_stage_validates_with_every_set_of_switches() {
     for (name, module) in modules() {
-        let capabilities = if name.contains("SUBGROUPS") { Capabilities::SUBGROUP } else { Capabilities::empty() };
+        // pack2x16float: every device but some of OpenGL's.
+        let mut capabilities = Capabilities::SHADER_FLOAT16_IN_FLOAT32;
+        if name.contains("SUBGROUPS") {
+            capabilities |= Capabilities::SUBGROUP;
+        }
         let mut validator = Validator::new(ValidationFlags::all(), capabilities);
         validator.subgroup_stages(ShaderStages::COMPUTE).subgroup_operations(SubgroupOperationSet::all());
         if let Err(e) = validator.validate(&module) {
@@ -30,5 +34,24 @@ fn every_stage_validates_with_every_set_of_switches() {
         }
         assert!(!module.entry_points.is_empty(), "{name} has no kernel");
         println!("{name}: {} kernels", module.entry_points.len());
+    }
+}
+
+/// WebGPU's least `maxComputeWorkgroupStorageSize`.
+const WORKGROUP_MEMORY: u32 = 16 << 10;
+
+#[test]
+fn no_kernel_has_more_workgroup_memory_than_every_device() {
+    for (name, module) in modules() {
+        let mut layouter = naga::proc::Layouter::default();
+        layouter.update(module.to_ctx()).expect("types have a layout");
+        // Each kernel's module has its own memory and little else's: all of it is counted.
+        let bytes: u32 = module
+            .global_variables
+            .iter()
+            .filter(|(_, variable)| variable.space == naga::AddressSpace::WorkGroup)
+            .map(|(_, variable)| layouter[variable.ty].size.next_multiple_of(16))
+            .sum();
+        assert!(bytes <= WORKGROUP_MEMORY, "{name}: {bytes} bytes of workgroup memory, {WORKGROUP_MEMORY} is sure");
     }
 }
