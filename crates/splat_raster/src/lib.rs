@@ -39,6 +39,7 @@ pub mod cpu;
 mod frame;
 #[cfg(feature = "gpu")]
 pub mod gpu;
+pub mod pick;
 mod scene;
 
 pub use frame::{Depth, Features, Frame, Outputs, RasterError, VOTE_UNIT, Votes};

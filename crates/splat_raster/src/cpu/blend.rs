@@ -15,11 +15,11 @@ use super::splat::{Shape, Splat, TILE};
 use crate::{Features, Frame, Outputs};
 
 /// Contributions below this are skipped.
-const SMALLEST_ALPHA: f32 = 1.0 / 255.0;
+pub(super) const SMALLEST_ALPHA: f32 = 1.0 / 255.0;
 /// No splat is more opaque than this.
-const LARGEST_ALPHA: f32 = 0.99;
+pub(super) const LARGEST_ALPHA: f32 = 0.99;
 /// A pixel ends before its transmittance would fall below this.
-const LEAST_TRANSMITTANCE: f32 = 1e-4;
+pub(crate) const LEAST_TRANSMITTANCE: f32 = 1e-4;
 /// Sum of weights from which on a pixel has an expected depth.
 const LEAST_WEIGHT: f32 = 1e-3;
 /// Pixels across and down a block: the pixels that are blended together.

@@ -6,6 +6,7 @@
 mod bin;
 mod blend;
 mod canvas;
+mod point;
 mod project;
 mod shared;
 mod simd;
@@ -20,8 +21,10 @@ use rayon::prelude::*;
 use splat_core::{Cloud, Selection, Similarity, View};
 
 use self::bin::{Binning, Bins};
-use self::blend::{Blend, Pixels, Request, Sums};
+pub(crate) use self::blend::LEAST_TRANSMITTANCE;
+use self::blend::{Blend, LARGEST_ALPHA, Pixels, Request, SMALLEST_ALPHA, Sums};
 use self::canvas::Canvas;
+pub(crate) use self::point::{Sample, samples};
 use self::project::{Block, Project, Setup};
 pub use self::simd::InstructionSet;
 use self::sort::Sorter;
@@ -275,7 +278,7 @@ impl Rasterizer for CpuRasterizer {
 }
 
 /// Everything that can be wrong with a request.
-fn check(scene: &Scene, view: &View, outputs: &Outputs) -> Result<(), RasterError> {
+pub(crate) fn check(scene: &Scene, view: &View, outputs: &Outputs) -> Result<(), RasterError> {
     view.check()?;
     if u64::from(view.width) * u64::from(view.height) > LARGEST_PICTURE {
         return Err(RasterError::TooLarge { width: view.width, height: view.height });
