@@ -56,7 +56,8 @@ fn finite(v: f32) -> bool {
 }
 
 //#if PACKED
-// mean, four 16-bit parts of the rotation, three of the scales and one of the opacity, then pairs of coefficients.
+// mean; rotation: its three smaller parts in 15 bits each and which is the largest in 2; log scales in 20 bits each; logit
+// in 21 bits; then pairs of coefficients as half floats.
 const GEOMETRY: u32 = PACKED_GEOMETRY;
 
 fn words_of(degree: u32) -> u32 {
@@ -93,12 +94,22 @@ struct Geometry {
 
 //#if PACKED
 fn geometry(at: u32) -> Geometry {
+    let w3 = word(at, 3u);
+    let w4 = word(at, 4u);
+    let w5 = word(at, 5u);
+    let w6 = word(at, 6u);
     var g: Geometry;
-    g.rotation = normalize(vec4<f32>(unpack2x16snorm(word(at, 3u)), unpack2x16snorm(word(at, 4u))));
-    let xy = word(at, 5u);
-    let zo = word(at, 6u);
-    g.log_scale = LOG_SCALE_LEAST + LOG_SCALE_STEP * vec3<f32>(f32(xy & 0xffffu), f32(xy >> 16u), f32(zo & 0xffffu));
-    g.logit = LOGIT_LEAST + LOGIT_STEP * f32(zo >> 16u);
+    let small = SMALL_LEAST + SMALL_STEP * vec3<f32>(f32(w3 & 0x7fffu), f32(w3 >> 15u & 0x7fffu), f32(w4 & 0x7fffu));
+    let large = sqrt(max(1.0 - dot(small, small), 0.0));
+    switch w3 >> 30u {
+        case 0u: { g.rotation = vec4<f32>(large, small); }
+        case 1u: { g.rotation = vec4<f32>(small.x, large, small.yz); }
+        case 2u: { g.rotation = vec4<f32>(small.xy, large, small.z); }
+        default: { g.rotation = vec4<f32>(small, large); }
+    }
+    let scales = vec3<f32>(f32(w5 & 0xfffffu), f32(w6 & 0xfffffu), f32(w5 >> 20u | (w6 >> 20u & 0xffu) << 12u));
+    g.log_scale = LOG_SCALE_LEAST + LOG_SCALE_STEP * scales;
+    g.logit = LOGIT_LEAST + LOGIT_STEP * f32(w4 >> 15u | w6 >> 28u << 17u);
     return g;
 }
 

@@ -101,14 +101,18 @@ constants! {
     PACKED_GEOMETRY: u32 = 7;
     /// Words of a Gaussian's geometry as f32: mean 3, rotation 4, log scales 3, logit 1.
     FULL_GEOMETRY: u32 = 11;
+    /// Least of the three smaller parts of a unit quaternion whose largest is positive.
+    SMALL_LEAST: f32 = -std::f32::consts::FRAC_1_SQRT_2;
+    /// From one 15-bit part of a packed quaternion to the next.
+    SMALL_STEP: f32 = std::f32::consts::SQRT_2 / 32767.0;
     /// Least logarithm of a scale that the packed form tells apart; the low-pass is far larger.
     LOG_SCALE_LEAST: f32 = -24.0;
-    /// From one 16-bit logarithm of a scale to the next; the largest is 28, where the projection ends too.
-    LOG_SCALE_STEP: f32 = 52.0 / 65535.0;
+    /// From one 20-bit logarithm of a scale to the next; the largest is 28, where the projection ends too.
+    LOG_SCALE_STEP: f32 = 52.0 / 1048575.0;
     /// Least logit of the packed form: too faint to be drawn.
     LOGIT_LEAST: f32 = -8.0;
-    /// From one 16-bit logit to the next; the largest is 16, beyond [`LARGEST_ALPHA`].
-    LOGIT_STEP: f32 = 24.0 / 65535.0;
+    /// From one 21-bit logit to the next; the largest is 16, beyond [`LARGEST_ALPHA`].
+    LOGIT_STEP: f32 = 24.0 / 2097151.0;
     /// First word of a Gaussian that cannot be drawn: bits of a NaN.
     DEAD: u32 = 0x7fc0_0000;
     /// Project: write colours.
@@ -123,6 +127,8 @@ constants! {
     FLAG_SUBSET: u32 = 16;
     /// Project: mix the tint over the colours.
     FLAG_TINT: u32 = 32;
+    /// Masks that one dispatch votes for: what fits workgroup memory beside the splats.
+    VOTE_MASKS: u32 = 3;
     /// Natural logarithm of 2.
     LN_2: f32 = std::f32::consts::LN_2;
     /// Binary logarithm of e.

@@ -2,7 +2,7 @@
 //!
 //! A stage's text is [`constants::wgsl`] + `common.wgsl` + the stage's own file. Variants are made by switches, never by
 //! copying a file: lines between `//#if NAME` (or `//#if !NAME`) and `//#end`, with an optional `//#else`, stay only where
-//! the switch is set. They nest.
+//! the switch is set. They nest. `@binding(next)` becomes the first number from 0 that no earlier such line has.
 
 pub mod constants;
 
@@ -18,6 +18,9 @@ pub struct Stage {
     /// Sets of switches it is used with: tests validate each of them.
     pub variants: &'static [&'static [&'static str]],
 }
+
+/// Where a binding's number depends on the switches: they are counted from 0.
+const NEXT: &str = "@binding(next)";
 
 /// Functions that all stages may use.
 const COMMON: &str = include_str!("../common.wgsl");
@@ -50,6 +53,17 @@ stages! {
     ];
     /// Pairs of tile and splat: a variant per kernel.
     BIN = "bin", &[&["PREPARE"], &["SHAPES", "SPLATS"], &["SHAPES", "PAIRS"], &["RANGES"]];
+    /// Splats to pixels: any set of pictures, four channels of features, or votes of some masks.
+    PIXELS = "pixels", &[
+        &["COLOR"],
+        &["COLOR", "WIDE"],
+        &["COLOR", "MEDIAN", "EXPECTED", "HITS", "STRONGEST", "VISIBLE", "LIMIT", "DEPTH", "SUMS"],
+        &["HITS"],
+        &["FEATURES", "LIMIT", "DEPTH"],
+        &["FEATURES"],
+        &["VOTES", "SUMS"],
+        &["VOTES", "LIMIT", "DEPTH", "SUMS"],
+    ];
 }
 
 /// The WGSL of a stage without switches.
@@ -66,6 +80,7 @@ pub fn variant(stage: &Stage, switches: &[&str]) -> String {
     text.push_str(COMMON);
     // Whether the lines of each open switch stay.
     let mut open: Vec<bool> = Vec::new();
+    let mut bindings = 0;
     for line in stage.text.lines() {
         let mark = line.trim();
         if let Some(name) = mark.strip_prefix("//#if ") {
@@ -77,7 +92,13 @@ pub fn variant(stage: &Stage, switches: &[&str]) -> String {
         } else if mark == "//#end" {
             open.pop().expect("`//#end` follows `//#if`");
         } else if open.iter().all(|&stays| stays) {
-            writeln!(text, "{line}").expect("writing to a string");
+            if line.contains(NEXT) {
+                let line = line.replace(NEXT, &format!("@binding({bindings})"));
+                writeln!(text, "{line}").expect("writing to a string");
+                bindings += 1;
+            } else {
+                writeln!(text, "{line}").expect("writing to a string");
+            }
         }
     }
     assert!(open.is_empty(), "`//#if` without `//#end` in {}", stage.name);

@@ -173,6 +173,7 @@ impl Binner {
 mod tests {
     use splat_shaders::constants::{COUNTERS, LEVELS, TILE};
 
+    use super::super::sort::tests::best;
     use super::*;
 
     /// What the shader gets of a splat.
@@ -427,5 +428,65 @@ mod tests {
         let lists = binned(&context, &splats, [256, 256], 70_000, 70_000);
         assert_eq!(lists.counters[COUNTER_PAIRS as usize], u32::MAX);
         assert!(lists.tiles.iter().take(4000).all(|list| list[..] == [0, 1][..list.len()] && !list.is_empty()));
+    }
+
+    #[test]
+    #[ignore = "prints figures: cargo test -p splat_raster --features gpu --lib -- --ignored --nocapture time_of_binning"]
+    #[expect(clippy::print_stdout, reason = "what it is for")]
+    fn time_of_binning() {
+        let Some(context) = Context::for_test() else { return };
+        let bin = BinKernels::new(&context).unwrap();
+        let (scan, sort) = (ScanKernels::new(&context).unwrap(), SortKernels::new(&context).unwrap());
+        let kernels = Kernels { bin: &bin, scan: &scan, sort: &sort };
+        // As many and as large as those of a photographed square at 1920 x 1080.
+        let (count, pairs, tiles) = (600_000, 1 << 22, [120, 68]);
+        let mut random = 3u64;
+        let mut next = || {
+            random = random.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (random >> 40) as f32 / (1u64 << 24) as f32
+        };
+        let splats: Vec<Ellipse> = (0..count)
+            .map(|_| {
+                let deviation = 1.2 / next().max(1e-5).powf(0.7);
+                let (a, c) = (deviation * (0.3 + next()), deviation * (0.3 + next()));
+                let (a, c) = (f64::from(a * a + 0.3), f64::from(c * c + 0.3));
+                let b = f64::from(next() - 0.5) * (a * c).sqrt();
+                Ellipse::new([next() * 1920.0, next() * 1080.0], [a, b, c], 0.02 + 0.98 * next())
+            })
+            .collect();
+        let pack = |value: &dyn Fn(&Ellipse) -> [f32; 2]| {
+            let values: Vec<_> = splats.iter().map(value).collect();
+            context.buffer_of("splats", &values, wgpu::BufferUsages::empty())
+        };
+        let sorted: Vec<u32> = (0..count).map(|k| slot(k, count)).collect();
+        let mut counters = vec![0; COUNTERS as usize];
+        counters[COUNTER_VISIBLE as usize] = count;
+        let counters = context.buffer_of("counters", &counters, wgpu::BufferUsages::empty());
+        let binning = Binning {
+            sorted: &context.buffer_of("sorted", &sorted, wgpu::BufferUsages::empty()),
+            mean: &pack(&|s| s.mean),
+            shape_a: &pack(&|s| [s.along, s.shear]),
+            shape_b: &pack(&|s| [s.across, s.level]),
+            counters: &counters,
+            splats: count,
+            pairs,
+            tiles,
+        };
+        let b = Binner::new(&context, kernels, &binning);
+        context.run(|pass| b.encode(kernels, pass));
+        let counted: Vec<u32> = context.read(&counters, COUNTERS as usize).unwrap();
+        println!("{count} splats, {} pairs", counted[COUNTER_PAIRS as usize]);
+        let show = |what: &str, record: &dyn Fn(&mut wgpu::ComputePass<'_>)| {
+            let (wall, cpu) = best(|| context.run(|pass| record(pass)));
+            println!("{:8.2} ms, {:8.2} ms CPU  {what}", wall * 1e3, cpu * 1e3);
+        };
+        show("all", &|pass| b.encode(kernels, pass));
+        // In an order in which each finds what it needs; the sums are those of sums after the first run.
+        show("splats", &|pass| bin.splats.dispatch_indirect(pass, &b.splats, &b.arguments, 0));
+        context.run(|pass| b.encode(kernels, pass));
+        show("pairs", &|pass| bin.pairs.dispatch_indirect(pass, &b.pairs, &b.arguments, 16));
+        show("sort", &|pass| b.sorter.encode(&sort, pass));
+        show("ranges", &|pass| bin.ranges.dispatch(pass, &b.ranges, b.tiles.div_ceil(BLOCK)));
+        show("sums", &|pass| b.scanner.encode(&scan, pass));
     }
 }

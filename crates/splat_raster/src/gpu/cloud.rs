@@ -5,7 +5,8 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use splat_core::{Cloud, Selection, sh};
 use splat_shaders::constants::{
-    BLOCK, DEAD, FULL_GEOMETRY, LOG_SCALE_LEAST, LOG_SCALE_STEP, LOGIT_LEAST, LOGIT_STEP, PACKED_GEOMETRY,
+    BLOCK, DEAD, FULL_GEOMETRY, LOG_SCALE_LEAST, LOG_SCALE_STEP, LOGIT_LEAST, LOGIT_STEP, PACKED_GEOMETRY, SMALL_LEAST,
+    SMALL_STEP,
 };
 
 use super::context::{Context, Precision};
@@ -140,14 +141,9 @@ impl Layout {
             let sh = cloud.sh_of(id);
             match self.precision {
                 Precision::Packed => {
-                    let [x, y, z, w] = rotation.map(|v| u32::from((v * 32767.0).round() as i16 as u16));
-                    put(3, x | y << 16);
-                    put(4, z | w << 16);
-                    let sixteen =
-                        |v: f32, least: f32, step: f32| ((v - least) / step).round().clamp(0.0, 65535.0) as u32;
-                    let [x, y, z] = log_scale.to_array().map(|v| sixteen(v, LOG_SCALE_LEAST, LOG_SCALE_STEP));
-                    put(5, x | y << 16);
-                    put(6, z | sixteen(logit, LOGIT_LEAST, LOGIT_STEP) << 16);
+                    for (k, word) in pack_geometry(rotation, log_scale.to_array(), logit).into_iter().enumerate() {
+                        put(3 + k, word);
+                    }
                     let half = |i: usize| {
                         let v = sh.get(i).copied().unwrap_or(0.0);
                         u32::from(half_bits(coefficient(sh, i, v, LARGEST_HALF)))
@@ -168,6 +164,28 @@ impl Layout {
             }
         }
     }
+}
+
+/// Rotation (of unit length), log scales and logit in 128 bits, as `geometry` of `project.wgsl` reads them.
+fn pack_geometry(rotation: [f32; 4], log_scale: [f32; 3], logit: f32) -> [u32; 4] {
+    let steps = |v: f32, least: f32, step: f32, bits: u32| {
+        // In f64: 21 bits of a quotient are near the end of an f32's.
+        let steps = (f64::from(v) - f64::from(least)) / f64::from(step);
+        steps.round().clamp(0.0, f64::from((1u32 << bits) - 1)) as u32
+    };
+    let mut largest = 0;
+    for k in 1..4 {
+        if rotation[k].abs() > rotation[largest].abs() {
+            largest = k;
+        }
+    }
+    // A quaternion and its negative are the same rotation.
+    let sign = if rotation[largest] < 0.0 { -1.0 } else { 1.0 };
+    let mut small = (0..4).filter(|k| *k != largest).map(|k| steps(sign * rotation[k], SMALL_LEAST, SMALL_STEP, 15));
+    let [a, b, c] = std::array::from_fn(|_| small.next().unwrap_or_default());
+    let [x, y, z] = log_scale.map(|v| steps(v, LOG_SCALE_LEAST, LOG_SCALE_STEP, 20));
+    let logit = steps(logit, LOGIT_LEAST, LOGIT_STEP, 21);
+    [a | b << 15 | (largest as u32) << 30, c | logit << 15, x | z << 20, y | z >> 12 << 20 | logit >> 17 << 28]
 }
 
 /// What a shader can add up: a channel with a coefficient that is not a number is black, as on the CPU.

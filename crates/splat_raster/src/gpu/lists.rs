@@ -232,11 +232,6 @@ impl Lists {
         })
     }
 
-    /// Counts up whenever [`Lists::listed`] are other buffers.
-    pub(crate) fn generation(&self) -> u64 {
-        self.generation
-    }
-
     /// Words that the stages counted.
     pub(crate) fn counters(&self) -> &wgpu::Buffer {
         &self.counters
@@ -252,11 +247,5 @@ impl Lists {
     /// Makes the next frame draw all stages.
     pub(crate) fn forget(&mut self) {
         self.key = None;
-    }
-
-    /// Lets go of all buffers.
-    pub(crate) fn clear(&mut self) {
-        (self.slots, self.pairs, self.key, self.projector) = (None, None, None, Projector::default());
-        self.generation += 1;
     }
 }

@@ -10,8 +10,11 @@ mod cloud;
 mod compact;
 mod context;
 mod error;
+mod frame;
 mod lists;
+mod pixels;
 mod project;
+mod rasterizer;
 mod readback;
 mod scan;
 mod scene;
@@ -21,12 +24,15 @@ mod timings;
 pub use cloud::{GpuBits, GpuCloud, GpuIds, GpuTint};
 pub use context::{GpuOptions, Precision, Subgroups};
 pub use error::GpuError;
+pub use frame::{GpuFeatures, GpuFrame, GpuMasks, GpuRequest};
+pub use rasterizer::GpuRasterizer;
 pub use scene::GpuInstance;
 pub use timings::GpuTimings;
 
 use bin::BinKernels;
 use compact::CompactKernels;
 use context::Context;
+use pixels::BlendKernels;
 use project::ProjectKernels;
 use scan::ScanKernels;
 use sort::SortKernels;
@@ -46,6 +52,7 @@ struct Stages {
     scan: ScanKernels,
     sort: SortKernels,
     bin: BinKernels,
+    pixels: BlendKernels,
 }
 
 impl Stages {
@@ -56,6 +63,7 @@ impl Stages {
             scan: ScanKernels::new(context)?,
             sort: SortKernels::new(context)?,
             bin: BinKernels::new(context)?,
+            pixels: BlendKernels::new(context)?,
         })
     }
 

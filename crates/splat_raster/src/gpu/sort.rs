@@ -177,7 +177,7 @@ fn passes(bits: &Range<u32>) -> u32 {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use std::time::Instant;
 
     use super::*;
@@ -315,7 +315,7 @@ mod tests {
 
     /// Seconds by the clock and of CPU time of the whole process, the least of some runs: on a software device the second one
     /// does not depend on what else the machine does.
-    fn best(mut run: impl FnMut()) -> (f64, f64) {
+    pub(in crate::gpu) fn best(mut run: impl FnMut()) -> (f64, f64) {
         let mut best = (f64::MAX, f64::MAX);
         for _ in 0..7 {
             let cpu = || {

@@ -200,7 +200,7 @@ fn compare(slot: usize, drawn: &Drawn, slow: Option<Slow>, grain: f64) {
 
 fn grain(precision: Precision) -> f64 {
     match precision {
-        Precision::Packed => 2e-3,
+        Precision::Packed => 1e-3,
         Precision::Full => 0.0,
     }
 }
