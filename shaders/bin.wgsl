@@ -2,8 +2,8 @@
 //
 // In: `sorted` (slots in order of depth, as many as COUNTER_VISIBLE), `mean`, `shape_a`, `shape_b` by slot.
 // bin_splats: tiles of each sorted splat (`bin_offsets`, to be summed up) and, where its box is small, which (`bin_covers`).
-// bin_prepare, after the sum: counters and indirect dispatches. bin_pairs: a thread per pair, so that no thread has more to do
-// for a splat of ten thousand tiles than for one of two; pairs beyond the capacity, the farthest, are left out.
+// bin_prepare, after the sum: counters and indirect dispatches. bin_pairs: a thread for a few pairs, so that no thread
+// has more to do for a splat of ten thousand tiles than for one of two; pairs beyond the capacity, the farthest, are left out.
 // bin_ranges, after the sort: first pair and one past the last of each tile, (0, 0) where there is none.
 // Rust twin: `pairs_of` in gpu/bin.rs, pixel by pixel.
 
@@ -194,6 +194,8 @@ struct BinArguments {
 @group(0) @binding(8) var<storage, read_write> pair_tiles: array<u32>;
 @group(0) @binding(9) var<storage, read_write> pair_slots: array<u32>;
 
+const PAIR_ITEMS: u32 = PAIR_BLOCK / BLOCK;
+
 // Sorted splats of the block's first and last pair.
 var<workgroup> ends: array<u32, 2>;
 
@@ -228,21 +230,85 @@ fn bit_number(bits: u32, n: u32) -> u32 {
     return at;
 }
 
-// Tile number `n` of a splat whose box has too many for bits.
-fn tile_number(slot: u32, n: u32) -> u32 {
-    let e = ellipse(mean[slot], shape_a[slot], shape_b[slot]);
+// Goes through the tiles of one splat after the other.
+struct Walk {
+    // Sorted splat and its slot.
+    k: u32,
+    slot: u32,
+    // Pairs from here on are the next splat's.
+    end: u32,
+    // First tile of the box and its tiles across; bits of those that are left. Across 0: a box too large for bits.
+    first: u32,
+    across: u32,
+    bits: u32,
+    // The tile row, the tile that is next and one past the last of the row; of a large box.
+    row: u32,
+    tile: u32,
+    tiles_end: u32,
+}
+
+// Begins with tile number `n` of the sorted splat `k`.
+fn walk_from(k: u32, n: u32, splats: u32) -> Walk {
+    var walk: Walk;
+    walk.k = k;
+    walk.slot = sorted[k];
+    walk.end = 0xffffffffu;
+    if k + 1u < splats {
+        walk.end = bin_offsets[k + 1u];
+    }
+    let cover = bin_covers[k];
+    if cover.x != LARGE {
+        walk.first = (cover.x >> 20u) * bin.tiles.x + ((cover.x >> 8u) & 0xfffu);
+        walk.across = cover.x & 0xffu;
+        walk.bits = cover.y;
+        if n != 0u {
+            walk.bits &= ~((1u << bit_number(cover.y, n)) - 1u);
+        }
+        return walk;
+    }
+    let e = ellipse(mean[walk.slot], shape_a[walk.slot], shape_b[walk.slot]);
     let rows = rows_of(e);
     var left = n;
-    for (var row = rows.x; row < rows.y; row++) {
-        let tiles = tiles_of(e, row);
+    for (walk.row = rows.x; walk.row < rows.y; walk.row++) {
+        let tiles = tiles_of(e, walk.row);
         let here = tiles.y - tiles.x;
         if left < here {
-            return row * bin.tiles.x + tiles.x + left;
+            walk.tile = tiles.x + left;
+            walk.tiles_end = tiles.y;
+            break;
         }
         left -= here;
     }
-    // Not reached where the device computes the same twice; no tile has this number, so that nothing is drawn twice.
-    return bin.tiles.x * bin.tiles.y;
+    return walk;
+}
+
+// The next tile of the splat.
+fn next_tile(walk: ptr<function, Walk>) -> u32 {
+    if (*walk).across != 0u {
+        let bit = firstTrailingBit((*walk).bits);
+        (*walk).bits &= (*walk).bits - 1u;
+        let row = bit / (*walk).across;
+        return (*walk).first + row * bin.tiles.x + bit - row * (*walk).across;
+    }
+    if (*walk).tile >= (*walk).tiles_end {
+        let slot = (*walk).slot;
+        let e = ellipse(mean[slot], shape_a[slot], shape_b[slot]);
+        let end = rows_of(e).y;
+        for ((*walk).row += 1u; (*walk).row < end; (*walk).row++) {
+            let tiles = tiles_of(e, (*walk).row);
+            (*walk).tile = tiles.x;
+            (*walk).tiles_end = tiles.y;
+            if tiles.x < tiles.y {
+                break;
+            }
+        }
+        if (*walk).row >= end {
+            // Not reached where the device computes the same twice; no tile has this number: nothing is drawn twice.
+            return bin.tiles.x * bin.tiles.y;
+        }
+    }
+    (*walk).tile += 1u;
+    return (*walk).row * bin.tiles.x + (*walk).tile - 1u;
 }
 
 @compute @workgroup_size(BLOCK)
@@ -253,27 +319,26 @@ fn bin_pairs(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_
     if start >= pairs {
         return;
     }
-    let end = min(start + PAIR_BLOCK, pairs);
     if thread < 2u {
-        ends[thread] = splat_of(select(start, end - 1u, thread == 1u), 0u, splats - 1u);
+        let pair = select(start, min(start + PAIR_BLOCK, pairs) - 1u, thread == 1u);
+        ends[thread] = splat_of(pair, 0u, splats - 1u);
     }
     workgroupBarrier();
-    for (var pair = start + thread; pair < end; pair += BLOCK) {
-        let k = splat_of(pair, ends[0], ends[1]);
-        let n = pair - bin_offsets[k];
-        let cover = bin_covers[k];
-        let slot = sorted[k];
-        var tile = 0u;
-        if cover.x == LARGE {
-            tile = tile_number(slot, n);
-        } else {
-            let bit = bit_number(cover.y, n);
-            let across = cover.x & 0xffu;
-            let row = bit / across;
-            tile = ((cover.x >> 20u) + row) * bin.tiles.x + ((cover.x >> 8u) & 0xfffu) + bit - row * across;
+    // Neighbouring pairs, most of them of one splat: one search for all.
+    let first = start + thread * PAIR_ITEMS;
+    let end = min(first + PAIR_ITEMS, pairs);
+    if first >= end {
+        return;
+    }
+    let k = splat_of(first, ends[0], ends[1]);
+    var walk = walk_from(k, first - bin_offsets[k], splats);
+    for (var pair = first; pair < end; pair++) {
+        if pair == walk.end {
+            // Not simply the next one: it may have no tile.
+            walk = walk_from(splat_of(pair, walk.k + 1u, ends[1]), 0u, splats);
         }
-        pair_tiles[pair] = tile;
-        pair_slots[pair] = slot;
+        pair_tiles[pair] = next_tile(&walk);
+        pair_slots[pair] = walk.slot;
     }
 }
 //#end

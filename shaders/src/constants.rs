@@ -72,7 +72,7 @@ constants! {
     /// the same bank of memory.
     SORT_BLOCK: u32 = 13 * 256;
     /// Pairs that a workgroup of the binning writes.
-    PAIR_BLOCK: u32 = 1024;
+    PAIR_BLOCK: u32 = 2048;
     /// Stands for "no place": a count that the CPU knows.
     NO_PLACE: u32 = u32::MAX;
     /// Stands for "no Gaussian" in pictures of ids.
