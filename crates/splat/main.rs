@@ -4,6 +4,7 @@
 //! the file being worked on ([`capture`]), the view ([`camera`]), pictures of frames ([`paint`]), moves ([`moves`]), what is
 //! said and where ([`terminal`]), and why something failed ([`failure`]).
 
+mod backend;
 mod bench_scene;
 mod camera;
 mod capture;

@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use clap::{Args, FromArgMatches, ValueEnum};
+use clap::{Args, FromArgMatches};
 use serde::Serialize;
 use splat_core::{Cloud, Mask2d, View};
-use splat_raster::cpu::CpuRasterizer;
 use splat_raster::{Features, Frame, Outputs, Rasterizer, Scene};
 
 use super::Command;
+use crate::backend::{Backend, Drawer};
 use crate::camera::{self, CameraOptions, Orbit, Standpoint};
 use crate::capture::Capture;
 use crate::failure::Failure;
@@ -45,14 +45,6 @@ struct Options {
     camera: CameraOptions,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum Backend {
-    /// The processor
-    Cpu,
-    /// The graphics card
-    Gpu,
-}
-
 #[derive(Serialize)]
 struct Report {
     gaussians: usize,
@@ -60,7 +52,8 @@ struct Report {
     views: usize,
     rounds: u32,
     threads: usize,
-    instruction_set: String,
+    /// Instruction set of the processor, or name of the graphics card.
+    drawn_by: String,
     stages: Vec<Stage>,
 }
 
@@ -81,9 +74,7 @@ struct Sample {
 }
 
 fn run(options: &Options, terminal: &Terminal) -> Result<(), Failure> {
-    if options.backend == Backend::Gpu {
-        return Err(Failure::failed("this build draws on the processor only; use --backend cpu"));
-    }
+    let drawer = Drawer::new(options.backend)?;
     let rounds = options.rounds;
     let working = terminal.progress("loading", Some(u64::from(rounds)));
     let mut load = Vec::new();
@@ -105,7 +96,7 @@ fn run(options: &Options, terminal: &Terminal) -> Result<(), Failure> {
     let views = views(options, &cloud)?;
     let scene = Scene::of(cloud);
     let mut stages = vec![Stage::of("load", &load)];
-    let mut bench = Bench::new(&scene, &views, rounds, terminal);
+    let mut bench = Bench::new(drawer, &scene, &views, rounds, terminal);
     stages.extend(bench.all()?);
     let report = Report {
         gaussians: scene.len(),
@@ -113,7 +104,7 @@ fn run(options: &Options, terminal: &Terminal) -> Result<(), Failure> {
         views: views.len(),
         rounds,
         threads: rayon::current_num_threads(),
-        instruction_set: format!("{:?}", bench.raster.instruction_set()),
+        drawn_by: bench.raster.name(),
         stages,
     };
     terminal.report(&report, || report.text())
@@ -142,7 +133,7 @@ fn views(options: &Options, cloud: &Cloud) -> Result<Vec<View>, Failure> {
 }
 
 struct Bench<'a> {
-    raster: CpuRasterizer,
+    raster: Drawer,
     frame: Frame,
     scene: &'a Scene,
     views: &'a [View],
@@ -152,9 +143,8 @@ struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    fn new(scene: &'a Scene, views: &'a [View], rounds: u32, terminal: &'a Terminal) -> Self {
-        let (raster, frame) = (CpuRasterizer::new(), Frame::default());
-        Self { raster, frame, scene, views, rounds, drawn: 0, terminal }
+    fn new(raster: Drawer, scene: &'a Scene, views: &'a [View], rounds: u32, terminal: &'a Terminal) -> Self {
+        Self { raster, frame: Frame::default(), scene, views, rounds, drawn: 0, terminal }
     }
 
     fn all(&mut self) -> Result<Vec<Stage>, Failure> {
@@ -177,6 +167,7 @@ impl<'a> Bench<'a> {
             first_hits: Some(0.5),
             strongest: true,
             votes: Some(&masks[k]),
+            limit: None,
         };
         stages.push(Stage::of("all_outputs", &self.frames("all outputs", everything, &mut Default::default())?));
         let votes = |k: usize| Outputs { votes: Some(&masks[k]), ..Outputs::default() };
@@ -209,15 +200,12 @@ impl<'a> Bench<'a> {
                     continue;
                 }
                 samples.push(sample);
-                let t = self.raster.timings();
-                let stages = [(t.project.wall, t.project.cpu), (t.sort.wall, t.sort.cpu), {
-                    (t.bin.wall + t.raster.wall, t.bin.cpu + t.raster.cpu)
-                }];
-                let busy: Duration = stages.iter().map(|s| s.1).sum();
-                for (stage, (wall, own)) in inside.iter_mut().zip(stages) {
+                let parts = self.raster.parts();
+                let busy: f64 = parts.iter().map(|p| p.1).sum();
+                for (stage, (wall, own)) in inside.iter_mut().zip(parts) {
                     // The system tells processor time for the whole process only: each stage has its share of the frame's.
-                    let share = own.as_secs_f64() / busy.as_secs_f64().max(1e-12);
-                    stage.push(Sample { wall: ms(wall), cpu: sample.cpu.map(|cpu| cpu * share) });
+                    let share = own / busy.max(1e-12);
+                    stage.push(Sample { wall: 1e3 * wall, cpu: sample.cpu.map(|cpu| cpu * share) });
                 }
             }
         }
@@ -298,7 +286,7 @@ impl Report {
             self.views,
             self.rounds,
             self.threads,
-            self.instruction_set,
+            self.drawn_by,
             "stage",
             "median ms",
             "p90 ms",

@@ -8,11 +8,11 @@ use serde::Serialize;
 use splat_core::glam::Vec3;
 use splat_core::{Cloud, Projection, View};
 use splat_io::picture;
-use splat_raster::cpu::CpuRasterizer;
 use splat_raster::{Features, Frame, Outputs, Rasterizer, Scene};
 
 use super::Command;
 use super::info::{point, short};
+use crate::backend::{Backend, Drawer};
 use crate::camera::CameraOptions;
 use crate::capture::Capture;
 use crate::failure::Failure;
@@ -47,6 +47,9 @@ struct Options {
     /// Draw only the Gaussians selected in this .npy file
     #[arg(long, value_name = "NPY")]
     selection: Option<PathBuf>,
+    /// What draws
+    #[arg(long, value_enum, default_value = "cpu")]
+    backend: Backend,
     #[command(flatten)]
     camera: CameraOptions,
 }
@@ -102,6 +105,7 @@ struct Report {
 }
 
 fn run(options: &Options, terminal: &Terminal) -> Result<(), Failure> {
+    let mut drawer = Drawer::new(options.backend)?;
     let capture = Capture::read_and_tell(&options.file, terminal)?;
     let view = options.camera.view(&capture.cloud)?;
     let scene = match &options.selection {
@@ -117,7 +121,7 @@ fn run(options: &Options, terminal: &Terminal) -> Result<(), Failure> {
         ..Outputs::default()
     };
     let mut frame = Frame::default();
-    CpuRasterizer::new().draw(&scene, &view, &outputs, &mut frame)?;
+    drawer.draw(&scene, &view, &outputs, &mut frame)?;
     let depth = write(options, &frame)?;
     let covered = frame.color.iter().filter(|c| c[3] >= 0.5).count() as f64 / frame.color.len() as f64;
     if frame.color.iter().all(|c| c[3] == 0.0) {
