@@ -9,22 +9,24 @@ use bevy::core_pipeline::core_3d::CORE_3D_DEPTH_FORMAT;
 use bevy::ecs::prelude::*;
 use bevy::math::{IVec2, UVec2, Vec4};
 use bevy::render::render_resource::binding_types::{
-    texture_2d, texture_depth_2d, texture_depth_2d_multisampled, texture_storage_2d, uniform_buffer,
+    storage_buffer_read_only_sized, texture_2d, texture_depth_2d, texture_depth_2d_multisampled, texture_storage_2d,
+    uniform_buffer,
 };
 use bevy::render::render_resource::encase::UniformBuffer;
 use bevy::render::render_resource::{
-    BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BlendState, Buffer,
-    BufferDescriptor, BufferUsages, CachedComputePipelineId, ColorTargetState, ColorWrites, CompareFunction,
-    ComputePipelineDescriptor, DepthStencilState, Extent3d, FragmentState, MultisampleState, PipelineCache,
-    RenderPipelineDescriptor, ShaderStages, ShaderType, SpecializedRenderPipeline, StorageTextureAccess, Texture,
-    TextureDescriptor, TextureDimension, TextureFormat, TextureSampleType, TextureUsages, TextureView,
-    TextureViewDescriptor, VertexState,
+    BindGroup, BindGroupEntries, BindGroupLayoutDescriptor, BindGroupLayoutEntries, BindingResource, BlendState,
+    Buffer, BufferDescriptor, BufferUsages, CachedComputePipelineId, ColorTargetState, ColorWrites, CommandEncoder,
+    CompareFunction, ComputePassDescriptor, ComputePipelineDescriptor, DepthStencilState, Extent3d, FragmentState,
+    MultisampleState, PipelineCache, RenderPipelineDescriptor, ShaderStages, ShaderType, SpecializedRenderPipeline,
+    StorageTextureAccess, Texture, TextureDescriptor, TextureDimension, TextureFormat, TextureSampleType,
+    TextureUsages, TextureView, TextureViewDescriptor, VertexState, WgpuTextureView,
 };
 use bevy::render::renderer::{RenderDevice, RenderQueue};
 use bevy::shader::Shader;
 use bevy::utils::default;
 use splat_core::Projection;
 
+use super::prepare::Plan;
 use super::settings::SplatOutline;
 use super::view::CameraView;
 
@@ -82,6 +84,7 @@ pub(super) struct CompositeUniform {
     background: Vec4,
     outline: Vec4,
     corner: IVec2,
+    size: IVec2,
     outline_width: i32,
     perspective: u32,
 }
@@ -98,6 +101,7 @@ impl CompositeUniform {
             background,
             outline: Vec4::from_array(outline.color.to_f32_array()),
             corner: corner.as_ivec2(),
+            size: IVec2::new(camera.view.width as i32, camera.view.height as i32),
             outline_width: outline.width_px.min(8) as i32,
             perspective: u32::from(camera.view.projection == Projection::Perspective),
         }
@@ -132,6 +136,7 @@ pub(super) struct CompositePipelines {
     shader: Handle<Shader>,
     limit: [(BindGroupLayoutDescriptor, CachedComputePipelineId); 2],
     blank: TextureView,
+    blank_buffer: Buffer,
 }
 
 /// Makes [`CompositePipelines`]; runs again after the device was lost.
@@ -147,7 +152,13 @@ pub(super) fn init_pipelines(
         "splat_composite",
         &BindGroupLayoutEntries::sequential(
             ShaderStages::FRAGMENT,
-            (uniform_buffer::<CompositeUniform>(false), float(), float(), float(), float()),
+            (
+                uniform_buffer::<CompositeUniform>(false),
+                float(),
+                float(),
+                float(),
+                storage_buffer_read_only_sized(false, None),
+            ),
         ),
     );
     let shader = load_embedded_asset!(assets.as_ref(), "limit.wgsl");
@@ -187,6 +198,12 @@ pub(super) fn init_pipelines(
         shader: load_embedded_asset!(assets.as_ref(), "composite.wgsl"),
         limit,
         blank: blank.view,
+        blank_buffer: device.create_buffer(&BufferDescriptor {
+            label: Some("splat_blank"),
+            size: 16,
+            usage: BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        }),
     });
 }
 
@@ -249,52 +266,69 @@ impl SpecializedRenderPipeline for CompositePipelines {
 /// What the composite reads; `None` where its variant reads nothing.
 #[derive(Clone, Copy)]
 pub(super) struct CompositeInputs<'a> {
-    pub(super) splats: Option<&'a TextureView>,
-    pub(super) depth: Option<&'a TextureView>,
-    pub(super) backdrop: Option<&'a TextureView>,
-    pub(super) selected: Option<&'a TextureView>,
+    pub(super) splats: Option<&'a WgpuTextureView>,
+    pub(super) depth: Option<&'a WgpuTextureView>,
+    pub(super) backdrop: Option<&'a WgpuTextureView>,
+    pub(super) selected: Option<&'a wgpu::Buffer>,
 }
 
 impl CompositePipelines {
-    pub(super) fn bind(
-        &self,
+    pub(super) fn bind<'a>(
+        &'a self,
         device: &RenderDevice,
         cache: &PipelineCache,
         uniform: &Buffer,
-        inputs: CompositeInputs,
+        inputs: CompositeInputs<'a>,
     ) -> BindGroup {
-        let or_blank = |view: Option<&TextureView>| view.unwrap_or(&self.blank).clone();
+        let or_blank = |view: Option<&'a WgpuTextureView>| BindingResource::TextureView(view.unwrap_or(&self.blank));
         device.create_bind_group(
             "splat_composite",
             &cache.get_bind_group_layout(&self.layout),
             &BindGroupEntries::sequential((
                 uniform.as_entire_binding(),
-                &or_blank(inputs.splats),
-                &or_blank(inputs.depth),
-                &or_blank(inputs.backdrop),
-                &or_blank(inputs.selected),
+                or_blank(inputs.splats),
+                or_blank(inputs.depth),
+                or_blank(inputs.backdrop),
+                inputs.selected.unwrap_or(&*self.blank_buffer).as_entire_binding(),
             )),
         )
     }
 
-    /// The compute pipeline for the limit and its inputs; `None` while it compiles.
-    pub(super) fn limit(
+    /// Records the limits that a depth texture sets, into `limit`; whether that could be done: not while compiling.
+    pub(super) fn encode_limit(
         &self,
-        device: &RenderDevice,
-        cache: &PipelineCache,
-        uniform: &Buffer,
-        (depth, samples): (&TextureView, u32),
-        limit: &TextureView,
-    ) -> Option<(CachedComputePipelineId, BindGroup)> {
-        let (layout, id) = &self.limit[usize::from(samples > 1)];
-        cache.get_compute_pipeline(*id)?;
+        (device, queue, cache): (&RenderDevice, &RenderQueue, &PipelineCache),
+        encoder: &mut CommandEncoder,
+        plan: &Plan,
+        depth: (&TextureView, u32),
+        kept: &mut LimitView,
+    ) -> bool {
+        let (layout, id) = &self.limit[usize::from(depth.1 > 1)];
+        let Some(pipeline) = cache.get_compute_pipeline(*id) else { return false };
+        let (size, usage) = (plan.size(), TextureUsages::STORAGE_BINDING);
+        let usage = usage | TextureUsages::TEXTURE_BINDING | TextureUsages::COPY_SRC;
+        let limit = Target::fitting(&mut kept.limit, device, "splat_limit", size, TextureFormat::R32Float, usage);
+        let uniform = LimitUniform::new(&plan.camera, plan.corner);
+        let uniform = write_uniform(&mut kept.uniform, device, queue, &uniform);
         let group = device.create_bind_group(
             "splat_limit",
             &cache.get_bind_group_layout(layout),
-            &BindGroupEntries::sequential((uniform.as_entire_binding(), depth, limit)),
+            &BindGroupEntries::sequential((uniform.as_entire_binding(), depth.0, &limit.view)),
         );
-        Some((*id, group))
+        let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
+        pass.set_pipeline(pipeline);
+        pass.set_bind_group(0, &*group, &[]);
+        pass.dispatch_workgroups(size.x.div_ceil(8), size.y.div_ceil(8), 1);
+        true
     }
+}
+
+/// What a view keeps for its limits.
+#[derive(Default)]
+pub(super) struct LimitView {
+    /// Camera z per pixel.
+    pub(super) limit: Option<Target>,
+    uniform: Option<Buffer>,
 }
 
 /// A texture of a view's own and its view.

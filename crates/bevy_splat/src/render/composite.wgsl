@@ -18,6 +18,7 @@ struct Composite {
     outline: vec4<f32>,
     // Top left pixel of the viewport in the target.
     corner: vec2<i32>,
+    size: vec2<i32>,
     outline_width: i32,
     perspective: u32,
 }
@@ -26,7 +27,8 @@ struct Composite {
 @group(0) @binding(1) var splats: texture_2d<f32>;
 @group(0) @binding(2) var splat_depth: texture_2d<f32>;
 @group(0) @binding(3) var backdrop: texture_2d<f32>;
-@group(0) @binding(4) var selected: texture_2d<f32>;
+// Selected weight per pixel, row by row.
+@group(0) @binding(4) var<storage, read> selected: array<f32>;
 
 fn encode(color: vec3<f32>) -> vec3<f32> {
 #ifdef SPACE_LINEAR
@@ -50,16 +52,15 @@ fn decode(color: vec3<f32>) -> vec3<f32> {
 
 // Selected weight beside a pixel: how much of the outline it gets.
 fn outline_at(p: vec2<i32>) -> f32 {
-    let own = textureLoad(selected, p, 0).x;
-    if own >= 0.5 {
+    let size = composite.size;
+    if selected[p.y * size.x + p.x] >= 0.5 {
         return 0.0;
     }
-    let last = vec2<i32>(textureDimensions(selected)) - 1;
     let reach = composite.outline_width;
     for (var y = -reach; y <= reach; y++) {
         for (var x = -reach; x <= reach; x++) {
-            let near = clamp(p + vec2(x, y), vec2(0), last);
-            if x * x + y * y <= reach * reach && textureLoad(selected, near, 0).x >= 0.5 {
+            let near = clamp(p + vec2(x, y), vec2(0), size - 1);
+            if x * x + y * y <= reach * reach && selected[near.y * size.x + near.x] >= 0.5 {
                 return composite.outline.a;
             }
         }

@@ -15,7 +15,7 @@ use bevy::render::render_resource::{
 };
 use bevy::render::renderer::{RenderContext, RenderDevice, RenderQueue};
 use rayon::prelude::*;
-use splat_core::{Selection, View};
+use splat_core::View;
 use splat_raster::cpu::CpuRasterizer;
 use splat_raster::{Features, Frame, Outputs, Rasterizer, Scene};
 
@@ -24,6 +24,7 @@ use super::extract::ExtractedEntity;
 use super::pass::CompositeView;
 use super::prepare::{Plan, Route};
 use super::read_back::{ReadBack, stride};
+use super::selected::{Selected, same_arc};
 use super::settings::SplatOutline;
 
 /// One camera's working memory on the CPU, and what it drew last.
@@ -45,15 +46,17 @@ pub(super) struct CpuView {
     pub(super) touched: URect,
     /// What `bytes` shows, if it may be taken again.
     drawn: Option<Drawn>,
-    /// Per Gaussian of the scene 1 where selected, and for which scene.
-    selected: (Vec<f32>, Vec<Option<Arc<Selection>>>),
+    selected: Selected,
+    /// How often `selected` was made.
+    selections: u64,
 }
 
 /// Everything a picture depends on.
 struct Drawn {
     view: View,
     scene: Scene,
-    selected: Vec<Option<Arc<Selection>>>,
+    /// Which selection, counted; none: nothing is selected, or no outline wanted.
+    selected: Option<u64>,
     outline: Option<SplatOutline>,
     background: Option<Vec4>,
     route: Route,
@@ -64,7 +67,7 @@ impl CpuView {
     /// Lets go of everything that belongs to the main world; working memory is kept.
     pub(super) fn forget(&mut self) {
         self.drawn = None;
-        self.selected.1.clear();
+        self.selected.forget();
     }
 
     /// Draws the plan's splats into `bytes` (and depth), unless they are what is there; whether they were.
@@ -78,11 +81,10 @@ impl CpuView {
         (device, queue): (&RenderDevice, &RenderQueue),
     ) -> Option<bool> {
         let outline = plan.settings.outline;
-        let selected: Vec<_> = match outline {
-            Some(_) => plan.entities.iter().map(|e| entities.get(e).and_then(|e| e.selected.clone())).collect(),
-            None => Vec::new(),
-        };
-        let any_selected = selected.iter().any(Option::is_some);
+        let selected = outline.and_then(|_| self.selected.update(&plan.entities, entities)).map(|anew| {
+            self.selections += u64::from(anew);
+            self.selections
+        });
         let now = Drawn {
             view: plan.camera.view,
             scene: plan.scene.clone(),
@@ -96,13 +98,10 @@ impl CpuView {
             return Some(true);
         }
         self.drawn = None;
-        if any_selected {
-            self.spread(&now);
-        }
         let outputs = Outputs {
             color: true,
             median_depth: plan.needs_depth(),
-            features: any_selected.then_some(Features { channels: 1, values: &self.selected.0 }),
+            features: selected.map(|_| Features { channels: 1, values: &self.selected.values }),
             limit: (read && plan.meshes).then_some(&*self.read_back.limits),
             ..Outputs::default()
         };
@@ -122,7 +121,7 @@ impl CpuView {
         let swap = plan.route == (Route::Copy { swap: true });
         self.bytes.resize(row * size.y as usize, 0);
         finish(&self.frame.color, size.x as usize, behind, swap, &mut self.bytes);
-        if let Some(outline) = outline.filter(|_| any_selected) {
+        if let Some(outline) = outline.filter(|_| selected.is_some()) {
             draw_outline(&self.frame.features, size, outline, swap, &mut self.bytes);
         }
         match plan.route {
@@ -140,32 +139,6 @@ impl CpuView {
             self.drawn = Some(now);
         }
         Some(false)
-    }
-
-    /// Turns selections into one number per Gaussian of the scene.
-    fn spread(&mut self, now: &Drawn) {
-        let (values, of) = &mut self.selected;
-        let len = now.scene.len();
-        if values.len() == len && same_bits(of, &now.selected) {
-            return;
-        }
-        values.clear();
-        values.resize(len, 0.0);
-        let mut first = 0;
-        for (instance, bits) in now.scene.instances.iter().zip(&now.selected) {
-            let own = &mut values[first..first + instance.len()];
-            if let Some(bits) = bits {
-                match &instance.subset {
-                    Some(ids) => {
-                        let inside = |id: u32| f32::from(u8::from(bits.contains(id as usize)));
-                        own.iter_mut().zip(ids.iter()).for_each(|(value, &id)| *value = inside(id));
-                    }
-                    None => bits.iter().for_each(|id| own[id] = 1.0),
-                }
-            }
-            first += instance.len();
-        }
-        of.clone_from(&now.selected);
     }
 
     fn stage(&mut self, device: &RenderDevice, queue: &RenderQueue) {
@@ -233,32 +206,18 @@ fn write(queue: &RenderQueue, texture: &Texture, bytes: &[u8], row: u32, size: U
 
 impl Drawn {
     fn same(&self, other: &Self) -> bool {
-        let bits = |a: &Option<Arc<Selection>>, b: &Option<Arc<Selection>>| match (a, b) {
-            (None, None) => true,
-            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-            _ => false,
-        };
         (self.view, self.outline, self.background) == (other.view, other.outline, other.background)
             && (self.route, self.depth) == (other.route, other.depth)
-            && same_bits(&self.selected, &other.selected)
+            && self.selected == other.selected
             && self.scene.instances.len() == other.scene.instances.len()
             && self.scene.instances.iter().zip(&other.scene.instances).all(|(a, b)| {
-                Arc::ptr_eq(&a.cloud, &b.cloud) && a.transform == b.transform && bits(&a.hidden, &b.hidden)
-                // SUBSET
+                Arc::ptr_eq(&a.cloud, &b.cloud)
+                    && a.transform == b.transform
+                    && same_arc(&a.hidden, &b.hidden)
+                    && same_arc(&a.subset, &b.subset)
+                    && same_arc(&a.tint, &b.tint)
             })
     }
-}
-
-fn same_arc<T: ?Sized>(a: &Option<Arc<T>>, b: &Option<Arc<T>>) -> bool {
-    match (a, b) {
-        (None, None) => true,
-        (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-        _ => false,
-    }
-}
-
-fn same_bits(a: &[Option<Arc<Selection>>], b: &[Option<Arc<Selection>>]) -> bool {
-    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same_arc(a, b))
 }
 
 /// What is behind the splats.

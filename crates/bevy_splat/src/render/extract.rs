@@ -3,7 +3,7 @@
 use std::any::TypeId;
 use std::sync::{Arc, Weak};
 
-use bevy::asset::{AssetId, Assets};
+use bevy::asset::Assets;
 use bevy::camera::primitives::Aabb;
 use bevy::camera::visibility::{NoAutoAabb, VisibleEntities};
 use bevy::camera::{Camera, Camera3d};
@@ -16,6 +16,7 @@ use bevy::render::Extract;
 use bevy::transform::components::GlobalTransform;
 use splat_core::{Cloud, Selection, Similarity};
 
+use super::selected::same_arc;
 use super::settings::{SplatBackend, SplatCamera};
 use crate::{SplatCloud, SplatFlags, SplatSelection, SplatSubset, SplatTint, Splats};
 
@@ -32,7 +33,6 @@ pub(super) struct ExtractedSplats {
 
 /// One `Splats` entity.
 pub(super) struct ExtractedEntity {
-    pub(super) asset: AssetId<SplatCloud>,
     pub(super) cloud: Arc<Cloud>,
     pub(super) transform: Similarity,
     pub(super) hidden: Option<Arc<Selection>>,
@@ -73,12 +73,14 @@ type SplatComponents<'a> = (
     Option<&'a SplatTint>,
 );
 
+type CameraComponents<'a> = (Entity, &'a Camera, &'a VisibleEntities, Option<&'a SplatCamera>);
+
 /// Takes over `Arc`s, transforms and what cameras see; copies bits only where a component changed.
 pub(super) fn extract_splats(
     mut extracted: ResMut<ExtractedSplats>,
     clouds: Extract<Res<Assets<SplatCloud>>>,
     splats: Extract<Query<SplatComponents>>,
-    cameras: Extract<Query<(Entity, &Camera, &VisibleEntities, Option<&SplatCamera>), With<Camera3d>>>,
+    cameras: Extract<Query<CameraComponents, With<Camera3d>>>,
     backend: Extract<Res<SplatBackend>>,
 ) {
     let extracted = &mut *extracted;
@@ -96,7 +98,6 @@ pub(super) fn extract_splats(
         };
         let fits = |bits: &Arc<Selection>| bits.len() == cloud.len();
         let entry = ExtractedEntity {
-            asset: handle.0.id(),
             cloud: cloud.clone(),
             transform,
             // After a hot reload the old file's bits may be left: they mean nothing for the new one.
@@ -132,7 +133,7 @@ fn keep(kept: &mut Option<(Tick, Option<Arc<Selection>>)>, changed: Tick, bits: 
 }
 
 /// The similarity that an entity's transform is, or the nearest to it; `None` where nothing can be seen of it.
-fn similarity(transform: &GlobalTransform) -> Option<Similarity> {
+pub(crate) fn similarity(transform: &GlobalTransform) -> Option<Similarity> {
     let affine = transform.affine();
     let determinant = affine.matrix3.determinant();
     if !affine.is_finite() || determinant.abs() < 1e-30 {
@@ -157,22 +158,19 @@ pub(super) struct BoundsOf {
     subset: Option<Arc<[u32]>>,
 }
 
+type BoundedSplats<'a> = (Entity, &'a Splats, Option<&'a SplatSubset>, Option<&'a BoundsOf>);
+
 /// Gives new, changed and reloaded captures their `Aabb`, so that cameras that look elsewhere do not draw them.
 pub(super) fn calculate_bounds(
     mut commands: Commands,
     clouds: Res<Assets<SplatCloud>>,
-    splats: Query<(Entity, &Splats, Option<&SplatSubset>, Option<&BoundsOf>), Without<NoAutoAabb>>,
+    splats: Query<BoundedSplats, Without<NoAutoAabb>>,
 ) {
     for (entity, handle, subset, old) in &splats {
         let Some(asset) = clouds.get(&handle.0) else { continue };
         let subset = subset.map(|s| &s.0);
         let same = old.is_some_and(|old| {
-            let subsets = match (&old.subset, subset) {
-                (None, None) => true,
-                (Some(a), Some(b)) => Arc::ptr_eq(a, b),
-                _ => false,
-            };
-            subsets && old.cloud.as_ptr() == Arc::as_ptr(&asset.cloud)
+            same_arc(&old.subset, &subset.cloned()) && old.cloud.as_ptr() == Arc::as_ptr(&asset.cloud)
         });
         if !same {
             let of = BoundsOf { cloud: Arc::downgrade(&asset.cloud), subset: subset.cloned() };

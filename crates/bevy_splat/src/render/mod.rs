@@ -20,13 +20,14 @@ mod gpu;
 mod pass;
 mod prepare;
 mod read_back;
+mod selected;
 mod settings;
 mod view;
 
+pub(crate) use extract::similarity;
 pub use settings::{
     SplatBackend, SplatBackground, SplatCamera, SplatDepth, SplatOrder, SplatOutline, SplatRenderStats, SplatViewStats,
 };
-pub(crate) use view::CameraView;
 pub use view::{view_from_camera, view_pixel};
 
 use bevy::app::{App, First, Plugin, PostUpdate};
@@ -92,7 +93,7 @@ impl Plugin for SplatRenderPlugin {
                 Render,
                 (
                     prepare::widen_usages.in_set(RenderSystems::PrepareViews).before(prepare_view_targets),
-                    prepare::plan_views.in_set(RenderSystems::PrepareResources),
+                    (gpu::upload, prepare::plan_views).chain().in_set(RenderSystems::PrepareResources),
                     prepare::send_stats.in_set(RenderSystems::Cleanup),
                 ),
             )

@@ -10,7 +10,7 @@ use bevy::render::camera::ExtractedCamera;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::render_resource::{
     Buffer, Extent3d, Origin3d, PipelineCache, RenderPassDescriptor, StoreOp, TexelCopyTextureInfo, TextureAspect,
-    TextureUsages, TextureView,
+    TextureUsages, TextureView, WgpuTextureView,
 };
 use bevy::render::renderer::{FlushCommands, RenderContext, RenderDevice, RenderQueue, ViewQuery};
 use bevy::render::view::{ExtractedView, ViewDepthTexture, ViewTarget};
@@ -18,6 +18,7 @@ use bevy::render::view::{ExtractedView, ViewDepthTexture, ViewTarget};
 use super::composite::{CompositeInputs, CompositePipelines, CompositeUniform, Target, write_uniform};
 use super::cpu::CpuView;
 use super::extract::ExtractedSplats;
+use super::gpu::GpuScene;
 use super::prepare::{Plan, Route, SplatViews};
 use super::read_back::Drawn;
 use super::settings::{SplatBackend, SplatOrder, SplatViewStats};
@@ -27,6 +28,7 @@ use super::settings::{SplatBackend, SplatOrder, SplatViewStats};
 pub(super) struct PassParam<'w, 's> {
     views: ResMut<'w, SplatViews>,
     extracted: Res<'w, ExtractedSplats>,
+    gpu: Res<'w, GpuScene>,
     pipelines: Res<'w, CompositePipelines>,
     cache: Res<'w, PipelineCache>,
     device: Res<'w, RenderDevice>,
@@ -74,7 +76,11 @@ fn draw(order: SplatOrder, view: ViewQuery<PassView<'static>>, mut param: PassPa
         time: start.elapsed(),
     };
     match plan.backend {
-        SplatBackend::Gpu => {}
+        SplatBackend::Gpu => {
+            if let Some(gpu) = &mut state.gpu {
+                gpu.draw(&pass, &param.gpu, &param.extracted, &mut param.ctx);
+            }
+        }
         SplatBackend::Cpu | SplatBackend::Auto => {
             if let Some(cpu) = &mut state.cpu {
                 pass.draw_cpu(cpu, &param.extracted, &mut param.flush, &mut param.ctx, &mut stats);
@@ -86,14 +92,14 @@ fn draw(order: SplatOrder, view: ViewQuery<PassView<'static>>, mut param: PassPa
 }
 
 /// One camera's pass.
-struct Pass<'a> {
-    plan: &'a Plan,
+pub(super) struct Pass<'a> {
+    pub(super) plan: &'a Plan,
     target: &'a ViewTarget,
-    depth: &'a ViewDepthTexture,
-    pipelines: &'a CompositePipelines,
-    cache: &'a PipelineCache,
-    device: &'a RenderDevice,
-    queue: &'a RenderQueue,
+    pub(super) depth: &'a ViewDepthTexture,
+    pub(super) pipelines: &'a CompositePipelines,
+    pub(super) cache: &'a PipelineCache,
+    pub(super) device: &'a RenderDevice,
+    pub(super) queue: &'a RenderQueue,
 }
 
 /// What the composite keeps for a camera.
@@ -140,18 +146,18 @@ impl Pass<'_> {
             span.end(ctx.command_encoder());
         }
         let touched = if copied { URect::new(0, 0, plan.size().x, plan.size().y) } else { cpu.touched };
-        let splats = cpu.splats.as_ref().map(|t| &t.view);
-        let depth = cpu.depth.as_ref().map(|t| &t.view);
+        let splats = cpu.splats.as_ref().map(|t| &*t.view);
+        let depth = cpu.depth.as_ref().map(|t| &*t.view);
         self.composite(&mut cpu.composite, splats, depth, None, touched, ctx);
     }
 
     /// Draws what the plan's pipelines write: colour, depth, both or nothing.
-    fn composite(
+    pub(super) fn composite(
         &self,
         kept: &mut CompositeView,
-        splats: Option<&TextureView>,
-        depth: Option<&TextureView>,
-        selected: Option<&TextureView>,
+        splats: Option<&WgpuTextureView>,
+        depth: Option<&WgpuTextureView>,
+        selected: Option<&wgpu::Buffer>,
         touched: URect,
         ctx: &mut RenderContext,
     ) {
@@ -172,7 +178,7 @@ impl Pass<'_> {
             pass.set_scissor_rect(min.x, min.y, size.x, size.y);
         };
         if let Some(pipeline) = plan.color_pipeline.and_then(|id| self.cache.get_render_pipeline(id)) {
-            let backdrop = plan.reads_backdrop.then(|| self.copy_backdrop(&mut kept.backdrop, touched, ctx));
+            let backdrop = plan.reads_backdrop.then(|| &**self.copy_backdrop(&mut kept.backdrop, touched, ctx));
             let inputs = CompositeInputs { splats, depth, backdrop, selected };
             let group = self.pipelines.bind(self.device, self.cache, &uniform, inputs);
             let color = match plan.sampled {

@@ -163,6 +163,20 @@ impl Phases<'_> {
     }
 }
 
+/// The composite's variants.
+#[derive(SystemParam)]
+pub(super) struct Composites<'w> {
+    cache: Res<'w, PipelineCache>,
+    pipelines: Res<'w, CompositePipelines>,
+    specialized: ResMut<'w, SpecializedRenderPipelines<CompositePipelines>>,
+}
+
+impl Composites<'_> {
+    fn specialize(&mut self, key: CompositeKey) -> CachedRenderPipelineId {
+        self.specialized.specialize(&self.cache, &self.pipelines, key)
+    }
+}
+
 type CameraComponents<'a> = (
     &'a ExtractedCamera,
     &'a ExtractedView,
@@ -181,9 +195,7 @@ pub(super) fn plan_views(
     cameras: Query<CameraComponents>,
     phases: Phases,
     clear_color: Res<ClearColor>,
-    cache: Res<PipelineCache>,
-    pipelines: Res<CompositePipelines>,
-    mut specialized: ResMut<SpecializedRenderPipelines<CompositePipelines>>,
+    mut composites: Composites,
 ) {
     let views = &mut *views;
     views.stats.clear();
@@ -203,6 +215,7 @@ pub(super) fn plan_views(
         let Some(mut plan) = plan(components, seen, &extracted, &phases, clear_color.0, backend) else {
             if let Some(view) = views.views.get_mut(&main) {
                 view.cpu.iter_mut().for_each(|cpu| cpu.forget());
+                view.gpu.take_if(|gpu| gpu.stale);
             }
             continue;
         };
@@ -220,7 +233,7 @@ pub(super) fn plan_views(
         };
         if plan.route == Route::Blend {
             plan.reads_backdrop = key.backdrop;
-            plan.color_pipeline = Some(specialized.specialize(&cache, &pipelines, key));
+            plan.color_pipeline = Some(composites.specialize(key));
         }
         if plan.write_depth {
             let key = CompositeKey {
@@ -232,12 +245,17 @@ pub(super) fn plan_views(
                 space: Space::Encoded,
                 format: TextureFormat::Rgba8Unorm,
             };
-            plan.depth_pipeline = Some(specialized.specialize(&cache, &pipelines, key));
+            plan.depth_pipeline = Some(composites.specialize(key));
         }
         let kept = views.views.entry(main).or_default();
         kept.keep_only(backend);
-        if backend == SplatBackend::Cpu {
-            kept.cpu.get_or_insert_default();
+        match (backend, gpu.gpu()) {
+            (SplatBackend::Gpu, Some(gpu)) => {
+                kept.gpu.get_or_insert_with(|| Box::new(GpuView::new(gpu)));
+            }
+            _ => {
+                kept.cpu.get_or_insert_default();
+            }
         }
         kept.plan = Some(plan);
     }

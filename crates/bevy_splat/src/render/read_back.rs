@@ -5,14 +5,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use bevy::math::{UVec2, Vec4};
 use bevy::render::render_resource::{
-    Buffer, BufferDescriptor, BufferUsages, CommandEncoder, CommandEncoderDescriptor, ComputePassDescriptor, Extent3d,
-    MapMode, Origin3d, PipelineCache, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo,
-    Texture, TextureAspect, TextureFormat, TextureUsages,
+    Buffer, BufferDescriptor, BufferUsages, CommandEncoder, CommandEncoderDescriptor, Extent3d, MapMode, Origin3d,
+    PipelineCache, PollType, TexelCopyBufferInfo, TexelCopyBufferLayout, TexelCopyTextureInfo, Texture, TextureAspect,
+    TextureView,
 };
 use bevy::render::renderer::{FlushCommands, RenderDevice, RenderQueue};
 use rayon::prelude::*;
 
-use super::composite::{CompositePipelines, LimitUniform, Target, write_uniform};
+use super::composite::{CompositePipelines, LimitView};
 use super::prepare::Plan;
 
 /// Stands for "no mesh" in limits.
@@ -23,8 +23,7 @@ const NO_LIMIT: f32 = 3.4e38;
 pub(super) struct ReadBack {
     depth: Option<Buffer>,
     color: Option<Buffer>,
-    limit: Option<Target>,
-    uniform: Option<Buffer>,
+    limit: LimitView,
     /// Camera z per pixel of the viewport at which meshes hide splats.
     pub(super) limits: Vec<f32>,
     /// The viewport's pixels, four bytes each, in rows of `stride` bytes.
@@ -36,7 +35,7 @@ pub(super) struct Drawn<'a> {
     /// The single-sampled colour, if it is wanted.
     pub(super) color: Option<&'a Texture>,
     /// The depth, if it is wanted.
-    pub(super) depth: Option<(&'a Texture, &'a bevy::render::render_resource::TextureView)>,
+    pub(super) depth: Option<(&'a Texture, &'a TextureView)>,
 }
 
 /// Bytes of a row in a buffer that a texture is copied from or to.
@@ -61,25 +60,11 @@ impl ReadBack {
         let mut layout = (size, UVec2::ZERO);
         if let Some((texture, view)) = drawn.depth {
             let source = if texture.sample_count() > 1 {
-                let limit = Target::fitting(
-                    &mut self.limit,
-                    device,
-                    "splat_limit",
-                    size,
-                    TextureFormat::R32Float,
-                    TextureUsages::STORAGE_BINDING | TextureUsages::COPY_SRC,
-                );
-                let uniform =
-                    write_uniform(&mut self.uniform, device, queue, &LimitUniform::new(&plan.camera, plan.corner));
-                let depth = (view, texture.sample_count());
-                let Some((id, group)) = pipelines.limit(device, cache, uniform, depth, &limit.view) else {
+                let (with, depth) = ((device, queue, cache), (view, texture.sample_count()));
+                if !pipelines.encode_limit(with, &mut encoder, plan, depth, &mut self.limit) {
                     return false;
-                };
-                let Some(pipeline) = cache.get_compute_pipeline(id) else { return false };
-                let mut pass = encoder.begin_compute_pass(&ComputePassDescriptor::default());
-                pass.set_pipeline(pipeline);
-                pass.set_bind_group(0, &*group, &[]);
-                pass.dispatch_workgroups(size.x.div_ceil(8), size.y.div_ceil(8), 1);
+                }
+                let Some(limit) = &self.limit.limit else { return false };
                 &limit.texture
             } else {
                 layout = (UVec2::new(texture.width(), texture.height()), plan.corner);

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, LazyLock};
 
-use bevy::camera::{Hdr, ImageRenderTarget, RenderTarget};
+use bevy::camera::{ImageRenderTarget, RenderTarget};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
@@ -24,10 +24,10 @@ use splat_raster::cpu::CpuRasterizer;
 use splat_raster::{Frame, Outputs, Rasterizer, Scene};
 
 /// Pixels of all pictures.
-pub const SIZE: UVec2 = UVec2::new(96, 64);
+pub(crate) const SIZE: UVec2 = UVec2::new(96, 64);
 
 /// Whether this machine has a Vulkan device; says so once for each test where not.
-pub fn device() -> bool {
+pub(crate) fn device() -> bool {
     static FOUND: LazyLock<bool> = LazyLock::new(|| {
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: wgpu::Backends::VULKAN,
@@ -42,8 +42,8 @@ pub fn device() -> bool {
 }
 
 /// The back ends to test: set `SPLAT_TEST_BACKEND=cpu` or `gpu` for one of them.
-pub fn backends() -> Vec<SplatBackend> {
-    let all = vec![SplatBackend::Cpu];
+pub(crate) fn backends() -> Vec<SplatBackend> {
+    let all = vec![SplatBackend::Cpu, SplatBackend::Gpu];
     match std::env::var("SPLAT_TEST_BACKEND").as_deref() {
         Ok("cpu") => vec![SplatBackend::Cpu],
         Ok("gpu") => vec![SplatBackend::Gpu],
@@ -52,12 +52,12 @@ pub fn backends() -> Vec<SplatBackend> {
 }
 
 /// An app that draws into pictures.
-pub struct Stage {
-    pub app: App,
+pub(crate) struct Stage {
+    pub(crate) app: App,
 }
 
 impl Stage {
-    pub fn new(backend: SplatBackend) -> Self {
+    pub(crate) fn new(backend: SplatBackend) -> Self {
         let mut app = App::new();
         let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
         let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
@@ -84,14 +84,14 @@ impl Stage {
     }
 
     /// A picture to draw into.
-    pub fn canvas(&mut self, format: TextureFormat) -> Handle<Image> {
+    pub(crate) fn canvas(&mut self, format: TextureFormat) -> Handle<Image> {
         let mut image = Image::new_target_texture(SIZE.x, SIZE.y, format, None);
         image.texture_descriptor.usage |= TextureUsages::COPY_SRC;
         self.app.world_mut().resource_mut::<Assets<Image>>().add(image)
     }
 
     /// A camera at (0, 0, 6) that looks at the origin, without MSAA and tone mapping.
-    pub fn camera(&mut self, canvas: &Handle<Image>, more: impl Bundle) -> Entity {
+    pub(crate) fn camera(&mut self, canvas: &Handle<Image>, more: impl Bundle) -> Entity {
         let camera = (
             Camera3d::default(),
             RenderTarget::Image(ImageRenderTarget::from(canvas.clone())),
@@ -106,20 +106,20 @@ impl Stage {
     }
 
     /// A capture in the scene.
-    pub fn splats(&mut self, cloud: &Arc<Cloud>, more: impl Bundle) -> Entity {
+    pub(crate) fn splats(&mut self, cloud: &Arc<Cloud>, more: impl Bundle) -> Entity {
         let handle = self.app.world_mut().resource_mut::<Assets<SplatCloud>>().add(SplatCloud::new(cloud.clone()));
         self.app.world_mut().spawn((Splats(handle), Transform::default())).insert(more).id()
     }
 
     /// One finished frame.
-    pub fn frame(&mut self) {
+    pub(crate) fn frame(&mut self) {
         self.app.update();
         let device = self.app.world().resource::<RenderDevice>();
         device.poll(PollType::wait_indefinitely()).unwrap();
     }
 
     /// Frames until every pipeline is compiled, and the picture: red, green, blue, alpha, 0 to 255.
-    pub fn picture(&mut self, canvas: &Handle<Image>, name: &str) -> Vec<[f32; 4]> {
+    pub(crate) fn picture(&mut self, canvas: &Handle<Image>, name: &str) -> Vec<[f32; 4]> {
         self.frame();
         for _ in 0..1000 {
             self.frame();
@@ -135,7 +135,7 @@ impl Stage {
     }
 
     /// The picture as it is.
-    pub fn read(&mut self, canvas: &Handle<Image>, name: &str) -> Vec<[f32; 4]> {
+    pub(crate) fn read(&mut self, canvas: &Handle<Image>, name: &str) -> Vec<[f32; 4]> {
         let world = self.app.sub_app(RenderApp).world();
         let image = world.resource::<RenderAssets<GpuImage>>().get(canvas).expect("the picture is on the device");
         let (device, queue) = (world.resource::<RenderDevice>(), world.resource::<RenderQueue>());
@@ -167,7 +167,7 @@ impl Stage {
     }
 
     /// What the camera sees of `scene` according to the CPU rasteriser.
-    pub fn expected(&mut self, camera: Entity, scene: &Scene, limit: Option<&[f32]>) -> Frame {
+    pub(crate) fn expected(&mut self, camera: Entity, scene: &Scene, limit: Option<&[f32]>) -> Frame {
         let world = self.app.world();
         let view = view_from_camera(world.get(camera).unwrap(), world.get(camera).unwrap()).unwrap();
         let mut frame = Frame::default();
@@ -202,7 +202,7 @@ fn half(bits: u16) -> f32 {
 }
 
 /// `C + T * background`, in display space, 0 to 255.
-pub fn over(frame: &Frame, background: impl Fn(usize) -> [f32; 3]) -> Vec<[f32; 4]> {
+pub(crate) fn over(frame: &Frame, background: impl Fn(usize) -> [f32; 3]) -> Vec<[f32; 4]> {
     let put = |(i, c): (usize, &[f32; 4])| {
         let back = background(i);
         let mix = |k: usize| 255.0 * (c[k] + (1.0 - c[3]) * back[k]).clamp(0.0, 1.0);
@@ -212,11 +212,11 @@ pub fn over(frame: &Frame, background: impl Fn(usize) -> [f32; 3]) -> Vec<[f32; 
 }
 
 /// The clear colour.
-pub const CLEAR: [f32; 3] = [0.2, 0.3, 0.4];
+pub(crate) const CLEAR: [f32; 3] = [0.2, 0.3, 0.4];
 
 /// Fails where two pictures differ by more than `tolerance` of 255 in more than `pixels` pixels.
 #[track_caller]
-pub fn assert_near(name: &str, got: &[[f32; 4]], expected: &[[f32; 4]], tolerance: f32, pixels: usize) {
+pub(crate) fn assert_near(name: &str, got: &[[f32; 4]], expected: &[[f32; 4]], tolerance: f32, pixels: usize) {
     assert_eq!(got.len(), expected.len());
     let difference = |a: &[f32; 4], b: &[f32; 4]| (0..3).map(|k| (a[k] - b[k]).abs()).fold(0.0, f32::max);
     let far: Vec<usize> = (0..got.len()).filter(|&i| !(difference(&got[i], &expected[i]) <= tolerance)).collect();
@@ -235,7 +235,7 @@ pub fn assert_near(name: &str, got: &[[f32; 4]], expected: &[[f32; 4]], toleranc
 }
 
 /// Writes a picture if the user asked for pictures.
-pub fn write_png(name: &str, pixels: &[[f32; 4]]) {
+pub(crate) fn write_png(name: &str, pixels: &[[f32; 4]]) {
     let Some(folder) = std::env::var_os("SPLAT_PICTURES") else { return };
     let path = std::path::Path::new(&folder).join(format!("{name}.png"));
     let file = std::fs::File::create(path).unwrap();
@@ -246,7 +246,7 @@ pub fn write_png(name: &str, pixels: &[[f32; 4]]) {
 }
 
 /// A ball of Gaussians of one colour, half transparent at its rim: `count` of them, spread by a fixed pattern.
-pub fn ball(count: usize, radius: f32, color: [f32; 3]) -> Arc<Cloud> {
+pub(crate) fn ball(count: usize, radius: f32, color: [f32; 3]) -> Arc<Cloud> {
     let golden = std::f32::consts::PI * (3.0 - 5f32.sqrt());
     let place = |i: usize| {
         let t = (i as f32 + 0.5) / count as f32;
@@ -266,9 +266,4 @@ pub fn ball(count: usize, radius: f32, color: [f32; 3]) -> Arc<Cloud> {
         ..CloudArrays::default()
     });
     Arc::new(cloud.unwrap())
-}
-
-/// What makes a camera draw in high dynamic range.
-pub fn hdr() -> Hdr {
-    Hdr
 }

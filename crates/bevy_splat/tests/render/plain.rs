@@ -127,6 +127,8 @@ fn what_moves_and_changes_is_drawn_where_it_is() {
         stage.frame();
         assert_eq!(stage.read(&canvas, "still"), last);
         let stats = stage.app.world().resource::<SplatRenderStats>();
+        assert_eq!((stats.views.len(), stats.views[0].backend), (1, backend));
+        assert_eq!(stats.gpu_clouds, usize::from(backend == SplatBackend::Gpu));
         assert!(backend == SplatBackend::Gpu || stats.views[0].reused, "{stats:?}");
 
         let flags = SplatFlags { hidden: Selection::from_fn(cloud.len(), |i| i % 2 == 0), ..default() };
