@@ -1,11 +1,12 @@
 //! [`Binner`]: which splats each tile blends, in order of depth (`bin.wgsl`).
 //!
 //! Per sorted splat the tiles of 16x16 pixels that its ellipse of alpha >= 1/255 reaches are counted exactly (its extent over
-//! the pixel centres of each row of tiles, grown by what rounding may cost), the counts are summed up, a thread per pair of
-//! tile and splat writes it, and one stable sort by tile alone leaves each tile's splats in order of depth.
+//! the pixel centres of each row of tiles, grown by what rounding may cost), the counts are summed up, a thread for every 8
+//! pairs of tile and splat writes them, and one stable sort by tile alone leaves each tile's splats in order of depth.
 //!
-//! A pair finds its splat by a search in the sums, so that a splat of ten thousand tiles is the work of ten thousand threads.
-//! Splats whose box has at most 32 tiles keep a bit per tile between the two kernels; larger ones are walked row by row twice.
+//! A thread finds its first pair's splat by a search in the sums and goes on from there, so that a splat of ten thousand tiles is
+//! the work of a thousand threads. Splats whose box has at most 32 tiles keep a bit per tile between the two kernels; larger
+//! ones are walked row by row again.
 //!
 //! Where there is no room for all pairs, the farthest are left out: the counters say how many there should be, and how many
 //! there are.
@@ -68,11 +69,40 @@ pub(crate) struct Binning<'a> {
     pub(crate) tiles: [u32; 2],
 }
 
+/// What grows with the splats and the pairs, whatever the picture's size.
+#[derive(Clone, Debug)]
+struct Memory {
+    splats: u32,
+    pairs: u32,
+    /// Pairs before each sorted splat.
+    offsets: wgpu::Buffer,
+    /// Tiles of each sorted splat whose box is small.
+    covers: wgpu::Buffer,
+    /// Tiles of the pairs, and room to sort.
+    tiles: [wgpu::Buffer; 2],
+    /// Slots of the pairs, and room to sort.
+    slots: [wgpu::Buffer; 2],
+}
+
+impl Memory {
+    fn new(context: &Context, splats: u32, pairs: u32) -> Self {
+        let two = |label| [0, 1].map(|_| context.words(label, pairs as usize));
+        Self {
+            splats,
+            pairs,
+            offsets: context.words("pairs before", splats as usize),
+            covers: context.words("covers", 2 * splats.max(1) as usize),
+            tiles: two("tiles of pairs"),
+            slots: two("slots of pairs"),
+        }
+    }
+}
+
 /// Makes the lists of all tiles.
 #[derive(Debug)]
 pub(crate) struct Binner {
+    memory: Memory,
     arguments: wgpu::Buffer,
-    pair_slots: wgpu::Buffer,
     tile_ranges: wgpu::Buffer,
     scanner: Scanner,
     sorter: Sorter,
@@ -95,32 +125,41 @@ pub(crate) struct Kernels<'a> {
 impl Binner {
     /// Binds the buffers and makes those in between: 12 bytes a splat, 16 a pair, 8 a tile.
     pub(crate) fn new(context: &Context, kernels: Kernels<'_>, binning: &Binning<'_>) -> Self {
+        Self::with(context, kernels, binning, Memory::new(context, binning.splats, binning.pairs))
+    }
+
+    /// As [`Binner::new`], with this one's memory where it has the room asked for: a window that is drawn larger makes new
+    /// lists of tiles only.
+    pub(crate) fn renewed(&self, context: &Context, kernels: Kernels<'_>, binning: &Binning<'_>) -> Self {
+        if (self.memory.splats, self.memory.pairs) == (binning.splats, binning.pairs) {
+            Self::with(context, kernels, binning, self.memory.clone())
+        } else {
+            Self::new(context, kernels, binning)
+        }
+    }
+
+    fn with(context: &Context, kernels: Kernels<'_>, binning: &Binning<'_>, memory: Memory) -> Self {
         let Binning { splats, pairs, tiles: [across, down], counters, .. } = *binning;
         let tiles = across * down;
-        let offsets = context.words("pairs before", splats as usize);
-        let covers = context.words("covers", 2 * splats.max(1) as usize);
-        let [tiles_a, tiles_b] = [0, 1].map(|_| context.words("tiles of pairs", pairs as usize));
-        let [slots_a, slots_b] = [0, 1].map(|_| context.words("slots of pairs", pairs as usize));
         let tile_ranges = context.words("pairs of tiles", 2 * tiles.max(1) as usize);
         let usage = wgpu::BufferUsages::INDIRECT | wgpu::BufferUsages::UNIFORM;
         let arguments = context.buffer("size of binning", 48, usage);
         let parameters = context.uniforms("bin", &[across, down, splats, pairs]);
 
         let count = Count::At { place: COUNTER_VISIBLE, limit: splats };
-        let scanner = Scanner::new(context, kernels.scan, &offsets, counters, count, COUNTER_PAIRS);
+        let scanner = Scanner::new(context, kernels.scan, &memory.offsets, counters, count, COUNTER_PAIRS);
         // `tiles` itself is a key of what belongs to no tile.
-        let bits = 0..32 - tiles.leading_zeros();
         let sorting = Sorting {
-            keys: [&tiles_a, &tiles_b],
-            values: [&slots_a, &slots_b],
+            keys: memory.tiles.each_ref(),
+            values: memory.slots.each_ref(),
             counters,
             count_at: COUNTER_KEPT,
             limit: pairs,
-            bits: bits.clone(),
+            bits: 0..32 - tiles.leading_zeros(),
         };
         let sorter = Sorter::new(context, kernels.sort, &sorting);
-        let input = Sorter::input(&bits);
-        let (unsorted_tiles, unsorted_slots) = (sorting.keys[input], sorting.values[input]);
+        let input = Sorter::input(&sorting.bits);
+        let (unsorted_tiles, unsorted_slots) = (&memory.tiles[input], &memory.slots[input]);
 
         let bind = |kernel, buffers: &[&wgpu::Buffer]| {
             let all = std::iter::once(&parameters).chain(buffers.iter().copied());
@@ -130,15 +169,25 @@ impl Binner {
         let k = kernels.bin;
         Self {
             start: bind(&k.start, &[counters, &arguments]),
-            splats: bind(&k.splats, &[counters, sorted, mean, shape_a, shape_b, &offsets, &covers]),
+            splats: bind(&k.splats, &[counters, sorted, mean, shape_a, shape_b, &memory.offsets, &memory.covers]),
             prepare: bind(&k.prepare, &[counters, &arguments]),
             pairs: bind(
                 &k.pairs,
-                &[&arguments, &offsets, &covers, sorted, mean, shape_a, shape_b, unsorted_tiles, unsorted_slots],
+                &[
+                    &arguments,
+                    &memory.offsets,
+                    &memory.covers,
+                    sorted,
+                    mean,
+                    shape_a,
+                    shape_b,
+                    unsorted_tiles,
+                    unsorted_slots,
+                ],
             ),
-            ranges: bind(&k.ranges, &[counters, &tiles_a, &tile_ranges]),
+            ranges: bind(&k.ranges, &[counters, &memory.tiles[0], &tile_ranges]),
+            memory,
             arguments,
-            pair_slots: slots_a,
             tile_ranges,
             scanner,
             sorter,
@@ -148,7 +197,7 @@ impl Binner {
 
     /// Slots of all tiles, each tile's in order of depth: `COUNTER_KEPT` of them.
     pub(crate) fn pair_slots(&self) -> &wgpu::Buffer {
-        &self.pair_slots
+        &self.memory.slots[0]
     }
 
     /// Per tile, row by row: its first pair and one past its last, as two words; zeros where it has none.
@@ -245,6 +294,17 @@ mod tests {
 
     /// Bins splats that are given in order of depth; slots are shuffled.
     fn binned(context: &Context, splats: &[Ellipse], tiles: [u32; 2], pairs: u32, visible: u32) -> Lists {
+        binned_in_turn(context, splats, &[tiles], pairs, visible).remove(0)
+    }
+
+    /// As [`binned`], for pictures of several sizes, each with the memory of the one before.
+    fn binned_in_turn(
+        context: &Context,
+        splats: &[Ellipse],
+        sizes: &[[u32; 2]],
+        pairs: u32,
+        visible: u32,
+    ) -> Vec<Lists> {
         let bin = BinKernels::new(context).unwrap();
         let (scan, sort) = (ScanKernels::new(context).unwrap(), SortKernels::new(context).unwrap());
         let kernels = Kernels { bin: &bin, scan: &scan, sort: &sort };
@@ -261,7 +321,7 @@ mod tests {
         let mut counters = vec![0; COUNTERS as usize];
         counters[COUNTER_VISIBLE as usize] = visible;
         let counters = context.buffer_of("counters", &counters, wgpu::BufferUsages::empty());
-        let binning = Binning {
+        let mut binning = Binning {
             sorted: &context.buffer_of("sorted", &sorted, wgpu::BufferUsages::empty()),
             mean: &by_slot(&|s| s.mean),
             shape_a: &by_slot(&|s| [s.along, s.shear]),
@@ -269,19 +329,32 @@ mod tests {
             counters: &counters,
             splats: len,
             pairs,
-            tiles,
+            tiles: sizes[0],
         };
-        let binner = Binner::new(context, kernels, &binning);
-        // Twice: the second must not see what the first left.
-        context.run(|pass| binner.encode(kernels, pass));
-        context.run(|pass| binner.encode(kernels, pass));
-        let counters = context.read(&counters, COUNTERS as usize).unwrap();
-        let slots: Vec<u32> = context.read(binner.pair_slots(), counters[COUNTER_KEPT as usize] as usize).unwrap();
-        let ranges: Vec<[u32; 2]> = context.read(binner.tile_ranges(), (tiles[0] * tiles[1]) as usize).unwrap();
         let mut place = vec![u32::MAX; splats.len()];
         for k in 0..len {
             place[slot_of(k) as usize] = k;
         }
+        let mut binner = Binner::new(context, kernels, &binning);
+        let mut all = Vec::new();
+        for &tiles in sizes {
+            if tiles != binning.tiles {
+                binning.tiles = tiles;
+                binner = binner.renewed(context, kernels, &binning);
+            }
+            // Twice: the second must not see what the first left.
+            context.run(|pass| binner.encode(kernels, pass));
+            context.run(|pass| binner.encode(kernels, pass));
+            all.push(lists_of(context, &binner, &counters, tiles, &place));
+        }
+        all
+    }
+
+    /// Reads the lists, with the sorted splats' numbers in place of slots.
+    fn lists_of(context: &Context, binner: &Binner, counters: &wgpu::Buffer, tiles: [u32; 2], place: &[u32]) -> Lists {
+        let counters = context.read(counters, COUNTERS as usize).unwrap();
+        let slots: Vec<u32> = context.read(binner.pair_slots(), counters[COUNTER_KEPT as usize] as usize).unwrap();
+        let ranges: Vec<[u32; 2]> = context.read(binner.tile_ranges(), (tiles[0] * tiles[1]) as usize).unwrap();
         let mut end = 0;
         let lists = ranges.into_iter().map(|[first, last]| {
             if first == last {
@@ -366,6 +439,34 @@ mod tests {
     }
 
     #[test]
+    fn far_from_the_origin_of_a_large_picture_no_tile_is_missed() {
+        let Some(context) = Context::for_test() else { return };
+        let tiles = [1000, 3];
+        let moved = |s: Ellipse| Ellipse { mean: [s.mean[0] + 15_600.0, s.mean[1] * 0.3 - 60.0], ..s };
+        let splats: Vec<Ellipse> = random_splats(64).into_iter().map(moved).collect();
+        let lists = binned(&context, &splats, tiles, 1 << 17, 64);
+        for (tile, list) in lists.tiles.iter().enumerate() {
+            let (x, y) = (tile as u32 % tiles[0], tile as u32 / tiles[0]);
+            for (k, splat) in splats.iter().enumerate() {
+                let is_listed = list.binary_search(&(k as u32)).is_ok();
+                assert!(is_listed || !splat.is_needed(x, y), "tile ({x}, {y}) lacks splat {k}: {splat:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_picture_of_another_size_is_binned_with_the_memory_of_the_one_before() {
+        let Some(context) = Context::for_test() else { return };
+        let splats = random_splats(50);
+        let sizes = [[20, 15], [3, 4], [33, 9]];
+        let renewed = binned_in_turn(&context, &splats, &sizes, 1 << 16, 50);
+        for (lists, tiles) in renewed.iter().zip(sizes) {
+            let fresh = binned(&context, &splats, tiles, 1 << 16, 50);
+            assert!(lists.tiles == fresh.tiles && lists.counters == fresh.counters, "{tiles:?}");
+        }
+    }
+
+    #[test]
     fn where_there_is_no_room_the_farthest_are_left_out_and_the_number_needed_is_told() {
         let Some(context) = Context::for_test() else { return };
         let splats = random_splats(120);
@@ -432,7 +533,6 @@ mod tests {
 
     #[test]
     #[ignore = "prints figures: cargo test -p splat_raster --features gpu --lib -- --ignored --nocapture time_of_binning"]
-    #[expect(clippy::print_stdout, reason = "what it is for")]
     fn time_of_binning() {
         let Some(context) = Context::for_test() else { return };
         let bin = BinKernels::new(&context).unwrap();

@@ -192,7 +192,8 @@ impl Lists {
         let first = slots.capacity.saturating_mul(2).clamp(FEWEST_PAIRS, 1 << 24);
         let capacity = needed.max(first).min(most);
         if known < capacity || self.pairs.as_ref().is_none_or(|p| p.tiles != tiles) {
-            self.pairs = None;
+            // A view of another size keeps its memory; too small memory goes before the larger is made.
+            let old = self.pairs.take().filter(|pairs| pairs.capacity == capacity);
             self.generation += 1;
             let binning = Binning {
                 sorted: &slots.values,
@@ -205,8 +206,10 @@ impl Lists {
                 tiles,
             };
             let bytes = u64::from(capacity) * 16 + u64::from(slots.capacity) * 12;
-            let binner = context
-                .checked("pairs of tile and splat", bytes, || Binner::new(context, stages.binning(), &binning))?;
+            let binner = context.checked("pairs of tile and splat", bytes, || match &old {
+                Some(old) => old.binner.renewed(context, stages.binning(), &binning),
+                None => Binner::new(context, stages.binning(), &binning),
+            })?;
             self.pairs = Some(Pairs { capacity, tiles, binner });
         }
         Ok(())
