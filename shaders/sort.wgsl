@@ -54,20 +54,30 @@ fn keys_of(block: u32) -> u32 {
 //#if HISTOGRAM
 @group(0) @binding(3) var<storage, read> keys_in: array<u32>;
 
-var<workgroup> histogram: array<atomic<u32>, DIGITS>;
+// The first digit of depths has a handful of values: threads that would wait for each other at one counter have several.
+const COPIES: u32 = 4u;
+
+var<workgroup> histogram: array<atomic<u32>, COPIES * DIGITS>;
 
 @compute @workgroup_size(BLOCK)
 fn sort_histogram(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let block = folded(group);
     let count = keys_of(block);
-    atomicStore(&histogram[thread], 0u);
+    for (var k = thread; k < COPIES * DIGITS; k += BLOCK) {
+        atomicStore(&histogram[k], 0u);
+    }
     workgroupBarrier();
+    let copy = (thread % COPIES) * DIGITS;
     for (var i = thread; i < count; i += BLOCK) {
-        atomicAdd(&histogram[(keys_in[block * SORT_BLOCK + i] >> sort.shift) & sort.mask], 1u);
+        atomicAdd(&histogram[copy + ((keys_in[block * SORT_BLOCK + i] >> sort.shift) & sort.mask)], 1u);
     }
     workgroupBarrier();
     if count != 0u {
-        sort_table[thread * sort_blocks() + block] = atomicLoad(&histogram[thread]);
+        var sum = 0u;
+        for (var k = thread; k < COPIES * DIGITS; k += DIGITS) {
+            sum += atomicLoad(&histogram[k]);
+        }
+        sort_table[thread * sort_blocks() + block] = sum;
     }
 }
 //#end
