@@ -60,6 +60,7 @@ pub mod asset;
 pub mod components;
 pub mod parts;
 pub mod picking;
+mod placed;
 mod plugins;
 pub mod prelude;
 pub mod render;

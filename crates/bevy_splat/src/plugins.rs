@@ -6,7 +6,11 @@ use bevy::prelude::*;
 use crate::asset::SplatAssetPlugin;
 use crate::components::SplatHighlightPlugin;
 use crate::parts::SplatPartsPlugin;
+use crate::picking::SplatPickingPlugin;
 use crate::render::SplatRenderPlugin;
+use crate::segment::SplatSegmentPlugin;
+use crate::select::SplatSelectPlugin;
+use crate::tools::SplatToolsPlugin;
 
 /// All plugins of this crate. To add one is one line.
 ///
@@ -16,6 +20,10 @@ use crate::render::SplatRenderPlugin;
 /// | [`SplatRenderPlugin`] | drawing; needs Bevy's render plugins |
 /// | [`SplatHighlightPlugin`] | colours of the selection and of parts |
 /// | [`SplatPartsPlugin`] | messages of `extract_part` and `restore_part`, memory of despawned parts |
+/// | [`SplatPickingPlugin`] | the Gaussian under a pointer, for `bevy_picking` |
+/// | [`SplatSelectPlugin`] | selecting by messages |
+/// | [`SplatToolsPlugin`] | rectangle, lasso and brush; needs [`SplatSelectPlugin`] |
+/// | [`SplatSegmentPlugin`] | one click to a whole object, in the background; needs [`SplatSelectPlugin`] |
 ///
 /// Without a window or a device leave drawing out: `BevySplatPlugins.build().disable::<SplatRenderPlugin>()`.
 #[derive(Clone, Copy, Debug, Default)]
@@ -28,6 +36,10 @@ impl PluginGroup for BevySplatPlugins {
             .add(SplatRenderPlugin)
             .add(SplatHighlightPlugin)
             .add(SplatPartsPlugin)
+            .add(SplatPickingPlugin)
+            .add(SplatSelectPlugin)
+            .add(SplatToolsPlugin)
+            .add(SplatSegmentPlugin)
     }
 }
 

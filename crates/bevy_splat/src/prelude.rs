@@ -3,9 +3,22 @@
 pub use crate::asset::{SplatAssetPlugin, SplatCameras, SplatCloudSaver, SplatCloudSettings};
 pub use crate::components::SplatHighlightPlugin;
 pub use crate::parts::{PartExtracted, PartRestored, PartsLookup, SplatPartsPlugin};
+pub use crate::picking::{SplatHit, SplatPartHandle, SplatPickingPlugin};
 pub use crate::render::{
     SplatBackend, SplatBackground, SplatCamera, SplatDepth, SplatOrder, SplatOutline, SplatRenderPlugin,
-    SplatRenderStats,
+    SplatRenderStats, view_from_camera, view_pixel,
+};
+pub use crate::segment::{
+    SegmentCancel, SegmentDone, SegmentFailed, SegmentProgress, SegmentPrompt, SegmentRequest, SegmentStart,
+    SegmentViews, SplatSegmentPlugin,
+};
+pub use crate::select::{
+    MakePart, PartMade, SelectBy, SelectFailed, SelectRequest, SelectionChanged, Shape2d, SplatMakePartCommands,
+    SplatSelectPlugin, SplatSelectSystems,
+};
+pub use crate::tools::{
+    ActiveTool, AddSplatTool, Brush, CancelGesture, Gesture, Lasso, Rectangle, SplatTool, SplatToolTable,
+    SplatToolsPlugin, ToolMode, ToolProjection, ToolSettings, ToolTargets,
 };
 pub use crate::{
     BevySplatPlugins, DefaultSplatHighlight, PartOf, SplatCloud, SplatFlags, SplatHighlight, SplatPart,

@@ -52,7 +52,7 @@ pub(crate) fn app_with_files() -> (App, Dir) {
 pub(crate) fn update_until(app: &mut App, mut done: impl FnMut(&mut App) -> bool) {
     let start = Instant::now();
     while !done(app) {
-        assert!(start.elapsed() < Duration::from_secs(60), "it never came");
+        assert!(start.elapsed() < Duration::from_secs(20), "it never came");
         app.update();
         std::thread::sleep(Duration::from_millis(1));
     }
@@ -61,6 +61,7 @@ pub(crate) fn update_until(app: &mut App, mut done: impl FnMut(&mut App) -> bool
 /// The asset once it is loaded, or the sentence that says why it was not.
 pub(crate) fn finished<A: Asset + Clone>(app: &mut App, handle: &Handle<A>) -> Result<A, String> {
     let state = |app: &App| app.world().resource::<AssetServer>().load_state(handle);
+    eprintln!("{:?} {:?}", handle, state(app));
     update_until(app, |app| matches!(state(app), LoadState::Loaded | LoadState::Failed(_)));
     match state(app) {
         // Where RUST_BACKTRACE is set, Bevy adds one in lines of their own.

@@ -5,6 +5,7 @@ use super::*;
 use crate::components::{SplatFlags, SplatParts, SplatSelection, SplatSubset};
 use crate::{Splats, testing};
 
+mod picture;
 mod random;
 mod road;
 

@@ -107,3 +107,31 @@ fn orthographic_cameras_see_plans() {
         }
     }
 }
+
+#[test]
+fn over_nothing_colours_are_straight_and_alpha_is_what_the_splats_cover() {
+    if !device() {
+        return;
+    }
+    let cloud = ball(300, 1.5, [0.9, 0.3, 0.1]);
+    for backend in backends() {
+        for msaa in [Msaa::Off, Msaa::Sample4] {
+            let mut stage = Stage::new(backend);
+            stage.splats(&cloud, ());
+            let canvas = stage.canvas(TextureFormat::Rgba8UnormSrgb);
+            let clear = Camera { clear_color: ClearColorConfig::Custom(Color::NONE), ..default() };
+            let camera = stage.camera(&canvas, (clear, msaa));
+            let name = format!("over_nothing_{msaa:?}_{backend:?}");
+            let got = stage.picture(&canvas, &name);
+            let frame = stage.expected(camera, &Scene::of(cloud.clone()), None);
+            for (got, color) in got.iter().zip(&frame.color) {
+                assert!((got[3] - 255.0 * color[3]).abs() <= 1.0, "{name}: alpha {} for {}", got[3], 255.0 * color[3]);
+                // Eight bits of a dark premultiplied colour say little of its straight one.
+                if color[3] > 0.5 {
+                    let straight = [0, 1, 2].map(|k| (255.0 * color[k] / color[3]).min(255.0));
+                    assert!((0..3).all(|k| (got[k] - straight[k]).abs() <= 3.0), "{name}: {got:?} for {straight:?}");
+                }
+            }
+        }
+    }
+}

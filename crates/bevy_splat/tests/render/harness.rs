@@ -58,19 +58,20 @@ pub(crate) struct Stage {
 
 impl Stage {
     pub(crate) fn new(backend: SplatBackend) -> Self {
+        Self::with(backend, RenderPlugin { synchronous_pipeline_compilation: true, ..default() }, false)
+    }
+
+    /// `pipelined`: the render world runs a frame behind, on a thread of its own.
+    pub(crate) fn with(backend: SplatBackend, render: RenderPlugin, pipelined: bool) -> Self {
         let mut app = App::new();
         let window = WindowPlugin { primary_window: None, exit_condition: ExitCondition::DontExit, ..default() };
-        let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
-        app.add_plugins(
-            DefaultPlugins
-                .set(window)
-                .set(render)
-                .disable::<WinitPlugin>()
-                .disable::<LogPlugin>()
-                .disable::<PipelinedRenderingPlugin>(),
-        );
+        let plugins = DefaultPlugins.set(window).set(render).disable::<WinitPlugin>().disable::<LogPlugin>();
+        if pipelined {
+            app.add_plugins(plugins);
+        } else {
+            app.add_plugins(plugins.disable::<PipelinedRenderingPlugin>());
+        }
         app.add_plugins(BevySplatPlugins);
-        app.init_asset::<SplatCloud>();
         app.insert_resource(backend);
         // Any complaint of wgpu's is a failure.
         app.insert_resource(RenderErrorHandler(|error, _, _| panic!("wgpu: {}", error.description)));

@@ -3,7 +3,9 @@
 use bevy::camera::Hdr;
 use bevy::core_pipeline::tonemapping::Tonemapping;
 use bevy::prelude::*;
+use bevy::render::RenderPlugin;
 use bevy::render::render_resource::TextureFormat;
+use bevy::render::settings::WgpuSettings;
 use bevy_splat::prelude::*;
 use splat_raster::Scene;
 
@@ -97,5 +99,44 @@ fn subsets_and_tints_are_drawn() {
             })
             .collect();
         assert_near("tint", &got, &red, 2.0, 0);
+    }
+}
+
+#[test]
+fn an_app_without_a_graphics_adapter_runs_without_drawing() {
+    let none = WgpuSettings { backends: None, ..default() };
+    let render = RenderPlugin { render_creation: none.into(), ..default() };
+    let mut stage = Stage::with(SplatBackend::Auto, render, false);
+    let cloud = ball(20, 1.0, [0.5; 3]);
+    let splats = stage.splats(&cloud, ());
+    for _ in 0..3 {
+        stage.app.update();
+    }
+    assert!(stage.app.world().resource::<SplatRenderStats>().views.is_empty());
+    assert!(stage.app.world().get::<bevy::camera::primitives::Aabb>(splats).is_some());
+}
+
+#[test]
+fn the_render_world_may_run_a_frame_behind() {
+    if !device() {
+        return;
+    }
+    let cloud = ball(50, 1.0, [0.5; 3]);
+    for backend in backends() {
+        let render = RenderPlugin { synchronous_pipeline_compilation: true, ..default() };
+        let mut stage = Stage::with(backend, render, true);
+        let splats = stage.splats(&cloud, ());
+        let canvas = stage.canvas(TextureFormat::Rgba8UnormSrgb);
+        stage.camera(&canvas, ());
+        for _ in 0..10 {
+            stage.app.update();
+        }
+        let stats = stage.app.world().resource::<SplatRenderStats>();
+        assert_eq!((stats.views.len(), stats.views[0].backend), (1, backend));
+        stage.app.world_mut().despawn(splats);
+        for _ in 0..4 {
+            stage.app.update();
+        }
+        assert!(stage.app.world().resource::<SplatRenderStats>().views.is_empty());
     }
 }
