@@ -87,11 +87,6 @@ impl PlacedSplats<'_, '_> {
         })
     }
 
-    /// From the cloud's space to the world's.
-    pub(crate) fn world_from_cloud(&self, entity: Entity) -> Option<Similarity> {
-        similarity(self.splats.get(entity).ok()?.2)
-    }
-
     /// Gaussians that cannot be selected: hidden, locked, or not the entity's own.
     pub(crate) fn withheld(&self, entity: Entity) -> Option<Selection> {
         let (_, handle, _, _, flags, subset, _) = self.splats.get(entity).ok()?;
