@@ -39,7 +39,8 @@ fn mark(thread: u32, seen: bool) {
 fn count_visible(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let block = folded(group);
     mark(thread, visible(block * BLOCK + thread));
-    if thread == 0u && block < blocks_of(compact.slots) {
+    // Blocks without slots too: the sum is over all that there is room for.
+    if thread == 0u && block < arrayLength(&block_counts) {
         var count = 0u;
         for (var row = 0u; row < BLOCK / 32u; row++) {
             count += countOneBits(atomicLoad(&rows[row]));

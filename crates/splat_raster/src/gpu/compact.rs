@@ -101,8 +101,11 @@ mod tests {
             let counters = context.words("counters", COUNTERS as usize);
             let [keys, values] = ["keys", "values"].map(|label| context.words(label, capacity));
             let compactor = Compactor::new(&context, kernels, capacity as u32, &buffer, &counters, [&keys, &values]);
-            compactor.set_slots(&context, slots as u32);
-            context.run(|pass| compactor.encode(kernels, pass));
+            // A larger scene before this one leaves its counts behind.
+            for slots in [capacity, slots] {
+                compactor.set_slots(&context, slots as u32);
+                context.run(|pass| compactor.encode(kernels, pass));
+            }
             let expected = compact_slow(&z[..slots]);
             let count = context.read::<u32>(&counters, 1).unwrap()[COUNTER_VISIBLE as usize] as usize;
             assert_eq!(count, expected.len(), "{slots} slots");
