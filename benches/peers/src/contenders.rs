@@ -35,6 +35,7 @@ const OURS: Contender = Contender {
     sweeps: false,
 };
 const GAUSSIAN_SPLATTING: Contender = Contender { program: "peer_bevy_gaussian_splatting", ..OURS };
+const VIEWER: Contender = Contender { program: "peer_wgpu_3dgs_viewer", ..OURS };
 
 /// All of them, in the order of the table.
 pub(crate) const CONTENDERS: &[Contender] = &[
@@ -55,7 +56,13 @@ pub(crate) const CONTENDERS: &[Contender] = &[
         encoded_twice: true,
         ..GAUSSIAN_SPLATTING
     },
-    Contender { name: "wgpu-3dgs-viewer", program: "peer_wgpu_3dgs_viewer", sweeps: true, ..OURS },
+    Contender { name: "wgpu-3dgs-viewer", arguments: &["--reach", "3"], sweeps: true, ..VIEWER },
+    Contender {
+        name: "wgpu-3dgs-viewer, as wide as trained",
+        arguments: &["--reach", "2.8284"],
+        timed: false,
+        ..VIEWER
+    },
     Contender { name: "an empty Bevy frame", arguments: &["empty"], draws: false, ..OURS },
 ];
 

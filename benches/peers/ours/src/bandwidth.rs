@@ -5,6 +5,7 @@ use std::time::Instant;
 use peer_common::{Failure, Report, Stage, memory_mib};
 use wgpu29 as wgpu;
 
+use crate::device::{self, Device};
 use crate::failed;
 
 /// Bytes of a buffer: far beyond any cache.
@@ -16,19 +17,10 @@ const TOGETHER: u32 = 16;
 
 /// Copies one large buffer into another, over and over.
 pub(crate) fn run() -> Result<(), Failure> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle_from_env());
-    let adapter = pollster::block_on(instance.request_adapter(&wgpu::RequestAdapterOptions {
-        power_preference: wgpu::PowerPreference::HighPerformance,
-        ..Default::default()
-    }))
-    .map_err(|e| Failure(format!("there is no device to measure: {e}")))?;
-    let info = adapter.get_info();
-    let limits = adapter.limits();
-    let bytes = BYTES.min(limits.max_buffer_size / 4 * 4);
+    let Device { device, queue, info, name } = device::open()?;
+    let bytes = BYTES.min(device.limits().max_buffer_size / 4 * 4);
     // Copying on a processor is slow enough as it is.
     let together = if info.device_type == wgpu::DeviceType::Cpu { 1 } else { TOGETHER };
-    let descriptor = wgpu::DeviceDescriptor { required_limits: limits, ..Default::default() };
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).map_err(failed)?;
     let buffer = || {
         device.create_buffer(&wgpu::BufferDescriptor {
             label: None,
@@ -50,7 +42,7 @@ pub(crate) fn run() -> Result<(), Failure> {
         least = least.min(begun.elapsed().as_secs_f64() * 1e3);
     }
     Report {
-        device: format!("{} ({:?}, {} {})", info.name, info.backend, info.driver, info.driver_info),
+        device: name,
         // Read once and written once.
         stages: vec![Stage {
             name: "copy".to_owned(),

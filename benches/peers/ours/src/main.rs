@@ -1,6 +1,8 @@
 //! Our own contenders: the Bevy plugin, the rasteriser alone, and a Bevy frame without splats.
 
 mod bandwidth;
+mod device;
+mod gpu;
 mod plugin;
 mod rasterizer;
 
@@ -52,7 +54,7 @@ fn main() -> ExitCode {
         Contender::Plugin { job, backend } => plugin::run(&job, backend),
         Contender::Empty { job } => plugin::empty(&job),
         Contender::Bandwidth => bandwidth::run(),
-        Contender::Rasterizer { job, backend: Backend::Gpu } => rasterizer::gpu(&job),
+        Contender::Rasterizer { job, backend: Backend::Gpu } => gpu::run(&job),
         Contender::Rasterizer { job, .. } => rasterizer::cpu(&job),
     };
     match done {

@@ -1,4 +1,4 @@
-//! Frames of the rasteriser alone.
+//! Frames of the rasteriser alone, on the processor.
 
 use std::sync::Arc;
 
@@ -10,7 +10,7 @@ use splat_raster::{Frame, Outputs, Rasterizer, Scene};
 
 use crate::failed;
 
-/// On the processor.
+/// Draws with the CPU back end.
 pub(crate) fn cpu(job: &Job) -> Result<(), Failure> {
     let mut meter = Meter::new(job.warmup);
     let cameras = job.cameras()?;
@@ -39,17 +39,14 @@ pub(crate) fn cpu(job: &Job) -> Result<(), Failure> {
     .print()
 }
 
-/// On the graphics device.
-pub(crate) fn gpu(_job: &Job) -> Result<(), Failure> {
-    Err(Failure("this build has no GPU back end".to_owned()))
-}
-
-fn scene(job: &Job) -> Result<Scene, Failure> {
+/// The capture.
+pub(crate) fn scene(job: &Job) -> Result<Scene, Failure> {
     let (cloud, _) = splat_io::read(&job.scene).map_err(failed)?;
     Ok(Scene::of(Arc::new(cloud)))
 }
 
-fn view(pose: &JobPose, cameras: &Cameras, job: &Job) -> View {
+/// The camera of the job.
+pub(crate) fn view(pose: &JobPose, cameras: &Cameras, job: &Job) -> View {
     let axes = [pose.right, pose.down, pose.forward].map(Vec3::from);
     let world_from_view = Mat3::from_cols(axes[0], axes[1], axes[2]);
     let pose = Pose { world_from_view, position: Vec3::from(pose.position) };
@@ -57,7 +54,7 @@ fn view(pose: &JobPose, cameras: &Cameras, job: &Job) -> View {
 }
 
 /// The picture over black, where one is wanted.
-fn shot(job: &Job, frame: &Frame) -> Result<(), Failure> {
+pub(crate) fn shot(job: &Job, frame: &Frame) -> Result<(), Failure> {
     let Some(path) = &job.shot else { return Ok(()) };
     let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
     let rgba: Vec<u8> = frame.color.iter().flat_map(|c| [byte(c[0]), byte(c[1]), byte(c[2]), 255]).collect();

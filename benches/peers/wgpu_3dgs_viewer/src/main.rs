@@ -15,10 +15,14 @@ use wgpu30 as wgpu;
 struct Options {
     #[command(flatten)]
     job: Job,
+    /// How far splats reach, in standard deviations; the viewer also widens them by it: only at 2.83 (the root of 8) are
+    /// they as wide as they should be
+    #[arg(long, default_value_t = 3.0)]
+    reach: f32,
 }
 
 fn main() -> ExitCode {
-    match run(&Options::parse().job) {
+    match run(&Options::parse()) {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             eprintln!("error: {failure}");
@@ -32,7 +36,8 @@ const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 /// Marks before and after each of preprocess, sort and draw.
 const MARKS: u32 = 4;
 
-fn run(job: &Job) -> Result<(), Failure> {
+fn run(options: &Options) -> Result<(), Failure> {
+    let job = &options.job;
     let mut meter = Meter::new(job.warmup);
     let cameras = job.cameras()?;
     let (device, queue, name) = device()?;
@@ -43,7 +48,8 @@ fn run(job: &Job) -> Result<(), Failure> {
     drop(gaussians);
     viewer.update_model_transform(&queue, Vec3::ZERO, Quat::IDENTITY, Vec3::ONE);
     let degree = GaussianShDegree::new(3).ok_or_else(|| Failure("degree 3 is not known".to_owned()))?;
-    let reach = GaussianMaxStdDev::new(3.0).ok_or_else(|| Failure("3 sigma is not known".to_owned()))?;
+    let reach =
+        GaussianMaxStdDev::new(options.reach).ok_or_else(|| Failure("a reach of 0 to 3 was expected".to_owned()))?;
     viewer.update_gaussian_transform(&queue, 1.0, GaussianDisplayMode::Splat, degree, false, reach);
 
     let target = device.create_texture(&wgpu::TextureDescriptor {
