@@ -31,12 +31,11 @@ fn worst(a: &[[f32; 4]], b: &[[f32; 4]]) -> f32 {
 #[test]
 fn a_room_taken_apart_looks_as_before() {
     let room = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets/room");
-    let mut app = testing::app();
+    let mut app = testing::app_in(&room);
     app.add_plugins(SplatPartsPlugin);
     let server = app.world().resource::<AssetServer>().clone();
-    let (scene, cameras) = (room.join("scene.spz"), room.join("cameras.json"));
-    let handle = server.load_builder().override_unapproved().load::<SplatCloud>(scene);
-    let cameras = server.load_builder().override_unapproved().load::<SplatCameras>(cameras);
+    let handle = server.load::<SplatCloud>("scene.spz");
+    let cameras = server.load::<SplatCameras>("cameras.json");
     let cloud = testing::finished(&mut app, &handle).unwrap().cloud;
     let view = testing::finished(&mut app, &cameras).unwrap().views[0].view.resized(160, 120);
     let labels: Vec<u16> =
