@@ -76,11 +76,15 @@ struct BlendParams {
 //#end
 
 const BATCH: u32 = TILE * TILE;
+// Squares of 4 x 4 pixels, 4 across a tile: neighbouring threads, which go through the same splats.
+const SQUARES: u32 = 16u;
+const SQUARE: u32 = 4u;
+const WORDS: u32 = BATCH / 32u;
 
 var<workgroup> range: vec2<u32>;
-// Threads whose pixel has not ended.
-var<workgroup> open: atomic<u32>;
-var<workgroup> go_on: u32;
+// Of this batch and the next: whether a pixel has not ended; per square a bit for each splat that reaches it.
+var<workgroup> open: array<u32, 2>;
+var<workgroup> reached: array<atomic<u32>, 2u * SQUARES * WORDS>;
 // Of each splat of the batch: mean and (along, shear), then (across, level), z and the slot's bits.
 var<workgroup> batch_a: array<vec4<f32>, BATCH>;
 var<workgroup> batch_b: array<vec4<f32>, BATCH>;
@@ -114,25 +118,59 @@ fn mask_value(mask: u32, pixel: u32) -> u32 {
 }
 //#end
 
-@compute @workgroup_size(TILE, TILE)
-fn blend_tile(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(local_invocation_id) place: vec3<u32>,
-    @builtin(local_invocation_index) thread: u32,
-) {
+// Least power by which the splat is weaker in a rectangle than at its mean; coordinates relative to that.
+fn least_fall(a: vec4<f32>, across: f32, lean: f32, low: vec2<f32>, high: vec2<f32>) -> f32 {
+    // It is on one of the (at most two) edges that face the mean, or 0 inside.
+    let near = clamp(vec2<f32>(0.0), low, high);
+    return min(
+        fall(a, across, vec2<f32>(near.x, clamp(near.x * lean, low.y, high.y))),
+        fall(a, across, vec2<f32>(clamp(near.y * a.w, low.x, high.x), near.y)),
+    );
+}
+
+fn fall(a: vec4<f32>, across: f32, d: vec2<f32>) -> f32 {
+    let e = a.z * (d.x - a.w * d.y);
+    let f = across * d.y;
+    return e * e + f * f;
+}
+
+// Marks the squares of the tile that a splat reaches.
+fn mark(k: u32, words: u32, corner: vec2<u32>, a: vec4<f32>, b: vec2<f32>) {
+    let reach = b.y + LEVELS + MARGIN;
+    let ratio = b.x / a.z;
+    // Where on a column the splat is strongest.
+    let lean = a.w / (ratio * ratio + a.w * a.w);
+    let first = vec2<f32>(corner) + 0.5 - a.xy;
+    for (var square = 0u; square < SQUARES; square++) {
+        let low = first + f32(SQUARE) * vec2<f32>(f32(square % 4u), f32(square / 4u));
+        if !(least_fall(a, b.x, lean, low, low + f32(SQUARE - 1u)) > reach) {
+            atomicOr(&reached[words + square * WORDS + k / 32u], 1u << (k % 32u));
+        }
+    }
+}
+
+@compute @workgroup_size(TILE * TILE)
+fn blend_tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let tile = folded(group);
     let corner = vec2<u32>(tile % blend.tiles_across, tile / blend.tiles_across) * TILE;
-    let at = corner + place.xy;
+    let square = thread / (SQUARE * SQUARE);
+    let at = corner + SQUARE * vec2<u32>(square % 4u, square / 4u) + vec2<u32>(thread % 4u, thread / 4u % 4u);
     let inside = tile < blend.tiles && at.x < blend.size.x && at.y < blend.size.y;
     let pixel = at.y * blend.size.x + at.x;
     let center = vec2<f32>(at) + 0.5;
     if thread == 0u {
+        open[0] = 0u;
         range = vec2<u32>(0u);
         if tile < blend.tiles {
             range = tile_ranges[tile];
         }
     }
+    if thread < SQUARES * WORDS {
+        atomicStore(&reached[thread], 0u);
+    }
     let pairs = workgroupUniformLoad(&range);
+    // Which half of the marks is in use.
+    var phase = 0u;
 
     var t = 1.0;
     var ended = !inside;
@@ -172,12 +210,17 @@ fn blend_tile(
 
     for (var begin = pairs.x; begin < pairs.y; begin += BATCH) {
         // The batch before is no longer read once all threads are here.
-        if thread == 0u {
-            atomicStore(&open, 0u);
-        }
         workgroupBarrier();
+        let words = phase * SQUARES * WORDS;
+        if thread < SQUARES * WORDS {
+            atomicStore(&reached[(1u - phase) * SQUARES * WORDS + thread], 0u);
+        }
+        if thread == 0u {
+            open[1u - phase] = 0u;
+        }
         if !ended {
-            atomicStore(&open, 1u);
+            // Whichever thread is last writes the same.
+            open[phase] = 1u;
         }
         let count = min(pairs.y - begin, BATCH);
         var slot = 0u;
@@ -187,8 +230,11 @@ fn blend_tile(
 //#if DEPTH
             depth = z[slot];
 //#end
-            batch_a[thread] = vec4<f32>(mean[slot], shape_a[slot]);
-            batch_b[thread] = vec4<f32>(shape_b[slot], depth, bitcast<f32>(slot));
+            let a = vec4<f32>(mean[slot], shape_a[slot]);
+            let b = shape_b[slot];
+            batch_a[thread] = a;
+            batch_b[thread] = vec4<f32>(b, depth, bitcast<f32>(slot));
+            mark(thread, words, corner, a, b);
 //#if COLOR
             batch_color[thread] = color[slot];
 //#end
@@ -212,76 +258,78 @@ fn blend_tile(
             atomicStore(&batch_inside[m * BATCH + thread], 0u);
         }
 //#end
-        workgroupBarrier();
-        if thread == 0u {
-            go_on = atomicLoad(&open);
-        }
-        if workgroupUniformLoad(&go_on) == 0u {
+        if workgroupUniformLoad(&open[phase]) == 0u {
             break;
         }
-        for (var k = 0u; k < count && !ended; k++) {
-            let a = batch_a[k];
-            let b = batch_b[k];
+        for (var w = 0u; w < WORDS && !ended; w++) {
+            var bits = atomicLoad(&reached[words + square * WORDS + w]);
+            while bits != 0u {
+                let k = 32u * w + firstTrailingBit(bits);
+                bits &= bits - 1u;
+                let a = batch_a[k];
+                let b = batch_b[k];
 //#if LIMIT
-            if b.z >= farthest {
-                continue;
-            }
+                if b.z >= farthest {
+                    continue;
+                }
 //#end
-            let d = center - a.xy;
-            let e = a.z * (d.x - a.w * d.y);
-            let f = b.x * d.y;
-            let alpha = min(exp2(b.y - e * e - f * f), LARGEST_ALPHA);
-            if !(alpha >= SMALLEST_ALPHA) {
-                continue;
-            }
-            let after = t - alpha * t;
-            if after < LEAST_TRANSMITTANCE {
-                ended = true;
-                break;
-            }
-            let weight = alpha * t;
+                let d = center - a.xy;
+                let e = a.z * (d.x - a.w * d.y);
+                let f = b.x * d.y;
+                let alpha = min(exp2(b.y - e * e - f * f), LARGEST_ALPHA);
+                if !(alpha >= SMALLEST_ALPHA) {
+                    continue;
+                }
+                let after = t - alpha * t;
+                if after < LEAST_TRANSMITTANCE {
+                    ended = true;
+                    break;
+                }
+                let weight = alpha * t;
 //#if COLOR
-            let packed = batch_color[k];
-            sum += weight * vec3<f32>(unpack2x16float(packed.x), unpack2x16float(packed.y).x);
+                let packed = batch_color[k];
+                sum += weight * vec3<f32>(unpack2x16float(packed.x), unpack2x16float(packed.y).x);
 //#end
 //#if MEDIAN
-            if t > 0.5 && after <= 0.5 {
-                median = b.z;
-            }
+                if t > 0.5 && after <= 0.5 {
+                    median = b.z;
+                }
 //#end
 //#if EXPECTED
-            depth_sum += weight * b.z;
+                depth_sum += weight * b.z;
 //#end
 //#if HITS
-            if t > blend.hit && after <= blend.hit {
-                hit = bitcast<u32>(b.w);
-            }
+                if t > blend.hit && after <= blend.hit {
+                    hit = bitcast<u32>(b.w);
+                }
 //#end
 //#if STRONGEST
-            if weight > largest {
-                largest = weight;
-                strong = bitcast<u32>(b.w);
-            }
+                if weight > largest {
+                    largest = weight;
+                    strong = bitcast<u32>(b.w);
+                }
 //#end
 //#if VISIBLE
-            if weight > blend.unseen {
-                atomicOr(&batch_seen[k / 32u], 1u << (k % 32u));
-            }
+                if weight > blend.unseen {
+                    atomicOr(&batch_seen[k / 32u], 1u << (k % 32u));
+                }
 //#end
 //#if FEATURES
-            feature_sum += weight * batch_features[k];
+                feature_sum += weight * batch_features[k];
 //#end
 //#if VOTES
-            let unit = u32(weight * VOTE_SCALE + 0.5);
-            atomicAdd(&batch_total[k], unit);
-            for (var m = 0u; m < blend.masks; m++) {
-                if mask[m] != 0u {
-                    atomicAdd(&batch_inside[m * BATCH + k], unit * mask[m]);
+                let unit = u32(weight * VOTE_SCALE + 0.5);
+                atomicAdd(&batch_total[k], unit);
+                for (var m = 0u; m < blend.masks; m++) {
+                    if mask[m] != 0u {
+                        atomicAdd(&batch_inside[m * BATCH + k], unit * mask[m]);
+                    }
                 }
-            }
 //#end
-            t = after;
+                t = after;
+            }
         }
+        phase = 1u - phase;
 //#if SUMS
         workgroupBarrier();
         if thread < count {

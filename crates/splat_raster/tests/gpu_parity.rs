@@ -223,7 +223,7 @@ fn clouds_at_the_edge_of_what_numbers_say_are_drawn_as_on_the_cpu() {
         ("a million units", Scene::of(common::plain(&[(at, 1e6, 0.3), (at + 0.1, 0.2, 3.0)]))),
         ("many in one place", Scene::of(common::plain(&vec![(at, 0.4, -3.0); 3000]))),
     ];
-    // Thousands that are alike: T creeps over the threshold of a hit.
+    // Many that are alike: T creeps over the threshold of a hit.
     let bounds = Bounds { ids: 1e-2, ..BOUNDS };
     for (name, scene) in scenes {
         compare(&mut gpu, name, &scene, &view, None, bounds);
@@ -236,7 +236,7 @@ fn clouds_at_the_edge_of_what_numbers_say_are_drawn_as_on_the_cpu() {
         arrays.rotations[5].z = bad;
         arrays.opacity_logits[6] = bad;
         let cloud = Arc::new(Cloud::new(arrays).unwrap());
-        compare(&mut gpu, &format!("{bad}"), &Scene::of(cloud), &view, None, BOUNDS);
+        compare(&mut gpu, &format!("{bad}"), &Scene::of(cloud), &view, None, bounds);
     }
     let needle = CloudArrays {
         means: vec![at],

@@ -387,3 +387,6 @@ fn check(instances: &[GpuInstance], view: &View, request: &GpuRequest<'_>) -> Re
         None => Ok(slots),
     }
 }
+
+#[cfg(test)]
+mod tests;
