@@ -73,11 +73,11 @@ struct Lists {
 
 /// Bins splats that are given in order of depth; slots are shuffled.
 fn binned(context: &Context, splats: &[Ellipse], tiles: [u32; 2], pairs: u32, visible: u32) -> Lists {
-    binned_in_turn(context, splats, &[tiles], pairs, visible).remove(0)
+    binned_in_turn(context, splats, &[(tiles, visible)], pairs).remove(0)
 }
 
-/// As [`binned`], for pictures of several sizes, each with the memory of the one before.
-fn binned_in_turn(context: &Context, splats: &[Ellipse], sizes: &[[u32; 2]], pairs: u32, visible: u32) -> Vec<Lists> {
+/// As [`binned`], for pictures of several sizes with so many visible splats, each with the memory of the one before.
+fn binned_in_turn(context: &Context, splats: &[Ellipse], pictures: &[([u32; 2], u32)], pairs: u32) -> Vec<Lists> {
     let bin = BinKernels::new(context).unwrap();
     let (scan, sort) = (ScanKernels::new(context).unwrap(), SortKernels::new(context).unwrap());
     let kernels = Kernels { bin: &bin, scan: &scan, sort: &sort };
@@ -91,9 +91,7 @@ fn binned_in_turn(context: &Context, splats: &[Ellipse], sizes: &[[u32; 2]], pai
         context.buffer_of("splats", &values, wgpu::BufferUsages::empty())
     };
     let sorted: Vec<u32> = (0..len).map(slot_of).collect();
-    let mut counters = vec![0; COUNTERS as usize];
-    counters[COUNTER_VISIBLE as usize] = visible;
-    let counters = context.buffer_of("counters", &counters, wgpu::BufferUsages::empty());
+    let counters = context.words("counters", COUNTERS as usize);
     let mut binning = Binning {
         sorted: &context.buffer_of("sorted", &sorted, wgpu::BufferUsages::empty()),
         mean: &by_slot(&|s| s.mean),
@@ -102,7 +100,7 @@ fn binned_in_turn(context: &Context, splats: &[Ellipse], sizes: &[[u32; 2]], pai
         counters: &counters,
         splats: len,
         pairs,
-        tiles: sizes[0],
+        tiles: pictures[0].0,
     };
     let mut place = vec![u32::MAX; splats.len()];
     for k in 0..len {
@@ -110,7 +108,8 @@ fn binned_in_turn(context: &Context, splats: &[Ellipse], sizes: &[[u32; 2]], pai
     }
     let mut binner = Binner::new(context, kernels, &binning);
     let mut all = Vec::new();
-    for &tiles in sizes {
+    for &(tiles, visible) in pictures {
+        context.write(&counters, 4 * u64::from(COUNTER_VISIBLE), &[visible]);
         if tiles != binning.tiles {
             binning.tiles = tiles;
             binner = binner.renewed(context, kernels, &binning);
@@ -231,10 +230,10 @@ fn far_from_the_origin_of_a_large_picture_no_tile_is_missed() {
 fn a_picture_of_another_size_is_binned_with_the_memory_of_the_one_before() {
     let Some(context) = Context::for_test() else { return };
     let splats = random_splats(50);
-    let sizes = [[20, 15], [3, 4], [33, 9]];
-    let renewed = binned_in_turn(&context, &splats, &sizes, 1 << 16, 50);
-    for (lists, tiles) in renewed.iter().zip(sizes) {
-        let fresh = binned(&context, &splats, tiles, 1 << 16, 50);
+    let pictures = [([20, 15], 50), ([3, 4], 50), ([33, 9], 7), ([33, 9], 50)];
+    let renewed = binned_in_turn(&context, &splats, &pictures, 1 << 16);
+    for (lists, (tiles, visible)) in renewed.iter().zip(pictures) {
+        let fresh = binned(&context, &splats, tiles, 1 << 16, visible);
         assert!(lists.tiles == fresh.tiles && lists.counters == fresh.counters, "{tiles:?}");
     }
 }
@@ -269,12 +268,14 @@ fn where_there_is_no_room_the_farthest_are_left_out_and_the_number_needed_is_tol
 fn only_visible_splats_are_listed_and_none_leaves_all_tiles_empty() {
     let Some(context) = Context::for_test() else { return };
     let splats = random_splats(40);
-    for visible in [0, 1, 17, 40, 4000] {
-        let lists = binned(&context, &splats, [20, 15], 1 << 15, visible);
-        let all = binned(&context, &splats, [20, 15], 1 << 15, 40);
+    let all = binned(&context, &splats, [20, 15], 1 << 15, 40);
+    // In turn, also after more.
+    let numbers = [17, 40, 1, 4000, 0, 5];
+    let pictures = numbers.map(|visible| ([20, 15], visible));
+    for (lists, visible) in binned_in_turn(&context, &splats, &pictures, 1 << 15).iter().zip(numbers) {
         for (list, all) in lists.tiles.iter().zip(&all.tiles) {
             let expected: Vec<u32> = all.iter().copied().filter(|&k| k < visible).collect();
-            assert_eq!(*list, expected);
+            assert_eq!(*list, expected, "{visible} visible");
         }
     }
 }
