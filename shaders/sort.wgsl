@@ -157,35 +157,26 @@ fn scan_threads(thread: u32, value: u32) -> vec2<u32> {
 //#if ROWS
 @group(0) @binding(3) var<storage, read_write> sort_totals: array<u32>;
 
-const ROW_ITEMS: u32 = 8u;
-
 @compute @workgroup_size(SCAN_THREADS)
 fn sort_rows(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let blocks = sort_blocks();
-    let row = group.x * blocks;
-    var carry = 0u;
-    for (var start = 0u; start < blocks; start += SCAN_THREADS * ROW_ITEMS) {
-        let first = start + thread * ROW_ITEMS;
-        var values: array<u32, ROW_ITEMS>;
-        var sum = 0u;
-        for (var j = 0u; j < ROW_ITEMS; j++) {
-            if first + j < blocks {
-                values[j] = sort_table[row + first + j];
-                sum += values[j];
-            }
-        }
-        let sums = scan_threads(thread, sum);
-        var before = carry + sums.x;
-        for (var j = 0u; j < ROW_ITEMS; j++) {
-            if first + j < blocks {
-                sort_table[row + first + j] = before;
-                before += values[j];
-            }
-        }
-        carry += sums.y;
+    // Each thread has some blocks that follow each other.
+    let each = (blocks + SCAN_THREADS - 1u) / SCAN_THREADS;
+    let first = group.x * blocks + min(thread * each, blocks);
+    let end = group.x * blocks + min((thread + 1u) * each, blocks);
+    var sum = 0u;
+    for (var i = first; i < end; i++) {
+        sum += sort_table[i];
+    }
+    let sums = scan_threads(thread, sum);
+    var before = sums.x;
+    for (var i = first; i < end; i++) {
+        let here = sort_table[i];
+        sort_table[i] = before;
+        before += here;
     }
     if thread == 0u {
-        sort_totals[group.x] = carry;
+        sort_totals[group.x] = sums.y;
     }
 }
 //#end

@@ -5,6 +5,7 @@
 //! the switch is set. They nest. `@binding(next)` becomes the first number from 0 that no earlier such line has.
 
 pub mod constants;
+pub mod layouts;
 
 use std::fmt::Write as _;
 

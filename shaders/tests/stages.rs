@@ -1,6 +1,7 @@
 //! Every stage parses and validates with every set of switches it is used with, and says what Rust says; without a device.
 
 use naga::valid::{Capabilities, ShaderStages, SubgroupOperationSet, ValidationFlags, Validator};
+use splat_shaders::layouts::LAYOUTS;
 use splat_shaders::{STAGES, variant};
 
 fn parse(text: &str) -> naga::Module {
@@ -53,5 +54,21 @@ fn no_kernel_has_more_workgroup_memory_than_every_device() {
             .map(|(_, variable)| layouter[variable.ty].size.next_multiple_of(16))
             .sum();
         assert!(bytes <= WORKGROUP_MEMORY, "{name}: {bytes} bytes of workgroup memory, {WORKGROUP_MEMORY} is sure");
+    }
+}
+
+#[test]
+fn shaders_read_every_structure_where_rust_writes_it() {
+    for layout in LAYOUTS {
+        let stage = STAGES.iter().find(|s| s.name == layout.stage).expect("a stage");
+        for switches in stage.variants {
+            let module = parse(&variant(stage, switches));
+            let (_, read) = (module.types.iter().find(|(_, t)| t.name.as_deref() == Some(layout.name)))
+                .unwrap_or_else(|| panic!("{} declares no {}", layout.stage, layout.name));
+            let naga::TypeInner::Struct { members, span } = &read.inner else { panic!("{} is none", layout.name) };
+            let fields: Vec<_> = members.iter().map(|m| (m.name.as_deref().unwrap_or(""), m.offset as usize)).collect();
+            assert_eq!(fields, layout.fields, "{}", layout.name);
+            assert_eq!(*span as usize, layout.size, "{}", layout.name);
+        }
     }
 }

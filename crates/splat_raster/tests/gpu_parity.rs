@@ -2,6 +2,7 @@
 //! generated room and real captures.
 
 #![cfg(feature = "gpu")]
+#![expect(clippy::print_stdout, reason = "skipped tests say so, others how far frames are apart")]
 
 mod common;
 
@@ -30,8 +31,8 @@ fn gpu(options: GpuOptions) -> Option<GpuRasterizer> {
 fn masks(view: &View) -> Vec<Mask2d> {
     let (w, h) = (view.width, view.height);
     let disc = Mask2d::from_fn(w, h, |x, y| (x as f32 / w as f32 - 0.5).hypot(y as f32 / h as f32 - 0.5) < 0.3);
-    let slope = Mask2d::new(w, h, (0..w * h).map(|p| (p % w * 255 / w) as u8).collect()).unwrap();
-    let all = Mask2d::new(w, h, vec![255; (w * h) as usize]).unwrap();
+    let slope = Mask2d::new(w, h, (0..w * h).map(|p| (p % w * 255 / w) as u8).collect()).expect("a mask");
+    let all = Mask2d::new(w, h, vec![255; (w * h) as usize]).expect("a mask");
     vec![disc, slope, all, Mask2d::empty(w, h)]
 }
 
@@ -69,8 +70,8 @@ fn compare(gpu: &mut GpuRasterizer, name: &str, scene: &Scene, view: &View, limi
         limit,
     };
     let (mut expected, mut found) = (Frame::default(), Frame::default());
-    CpuRasterizer::new().draw(scene, view, &outputs, &mut expected).unwrap();
-    gpu.draw(scene, view, &outputs, &mut found).unwrap();
+    CpuRasterizer::new().draw(scene, view, &outputs, &mut expected).expect("a frame");
+    gpu.draw(scene, view, &outputs, &mut found).expect("a frame");
     let pixels = expected.color.len();
     assert_eq!(found.color.len(), pixels, "{name}");
 
@@ -256,7 +257,7 @@ fn the_same_frame_has_the_same_bits_drawn_again_elsewhere_and_after_another() {
     let scene = Scene::of(Arc::new(common::cloud(2, 3000, 1)));
     let (view, away) = (common::view(1, 130, 90), common::view(5, 60, 90));
     let outputs = Outputs { color: true, strongest: true, votes: Some(&[]), ..Outputs::default() };
-    let mut draw = |raster: &mut GpuRasterizer, view: &View| {
+    let draw = |raster: &mut GpuRasterizer, view: &View| {
         let mut frame = Frame::default();
         raster.draw(&scene, view, &outputs, &mut frame).unwrap();
         frame

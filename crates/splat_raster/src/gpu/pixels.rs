@@ -6,9 +6,9 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use bytemuck::{Pod, Zeroable};
 use splat_shaders::PIXELS;
 use splat_shaders::constants::{TILE, VOTE_MASKS};
+use splat_shaders::layouts::BlendParams;
 
 use super::GpuError;
 use super::context::{Binding, Context, Pipeline, Precision};
@@ -21,23 +21,6 @@ type Switches = Vec<&'static str>;
 #[derive(Debug, Default)]
 pub(crate) struct BlendKernels {
     compiled: Mutex<HashMap<Switches, Pipeline>>,
-}
-
-/// As the shader reads it.
-#[derive(Clone, Copy, Debug, Pod, Zeroable)]
-#[repr(C)]
-struct Params {
-    size: [u32; 2],
-    tiles_across: u32,
-    tiles: u32,
-    hit: f32,
-    unseen: f32,
-    channel: u32,
-    channels: u32,
-    mask: u32,
-    masks: u32,
-    slots: u32,
-    none: u32,
 }
 
 /// Where pictures and sums go; those that are there are made.
@@ -140,7 +123,7 @@ impl Blender {
     pub(crate) fn new(context: &Context, kernels: &BlendKernels, blending: &Blending<'_>) -> Result<Self, GpuError> {
         let Blending { size, slots, targets, .. } = *blending;
         let across = [size[0].div_ceil(TILE), size[1].div_ceil(TILE)];
-        let params = Params {
+        let params = BlendParams {
             size,
             tiles_across: across[0],
             tiles: across[0] * across[1],
@@ -156,7 +139,7 @@ impl Blender {
         };
         let mut steps = Vec::new();
         let pictures = Targets { features: None, votes: None, ..targets };
-        let mut step = |targets: Targets<'_>, params: Params| -> Result<(), GpuError> {
+        let mut step = |targets: Targets<'_>, params: BlendParams| -> Result<(), GpuError> {
             steps.push(Step::new(context, kernels, &Blending { targets, ..*blending }, params)?);
             Ok(())
         };
@@ -167,14 +150,14 @@ impl Blender {
         if let Some((_, _, channels)) = targets.features {
             for channel in (0..channels).step_by(4) {
                 let targets = Targets { features: targets.features, limit, ..Targets::default() };
-                step(targets, Params { channel, ..params })?;
+                step(targets, BlendParams { channel, ..params })?;
             }
         }
         if let Some((_, _, masks)) = targets.votes {
             // Without masks the totals are still wanted.
             for mask in (0..masks.max(1)).step_by(VOTE_MASKS as usize) {
                 let targets = Targets { votes: targets.votes, limit, ..Targets::default() };
-                step(targets, Params { mask, masks: (masks - mask).min(VOTE_MASKS), ..params })?;
+                step(targets, BlendParams { mask, masks: (masks - mask).min(VOTE_MASKS), ..params })?;
             }
         }
         Ok(Self { steps, tiles: params.tiles })
@@ -215,7 +198,7 @@ impl Step {
         context: &Context,
         kernels: &BlendKernels,
         blending: &Blending<'_>,
-        params: Params,
+        params: BlendParams,
     ) -> Result<Self, GpuError> {
         let Blending { lists, targets, .. } = *blending;
         let mut switches = targets.switches();
@@ -255,3 +238,6 @@ impl Step {
         Ok(Self { group: context.bind(&pipeline, &bound), pipeline })
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -3,37 +3,16 @@
 //! Slot = scene-wide id. A dispatch per page of each instance; records are written in place and nothing is counted, so that
 //! no workgroup waits for another.
 
-use bytemuck::{Pod, Zeroable};
-use glam::{DMat3, Mat3, Vec2, Vec3, Vec4};
+use glam::{DMat3, Mat3};
 use splat_core::{Projection, View};
 use splat_shaders::PROJECT;
 use splat_shaders::constants::{
     BLOCK, FLAG_ANTIALIASED, FLAG_COLOR, FLAG_HIDDEN, FLAG_PARALLEL, FLAG_SUBSET, FLAG_TINT,
 };
+use splat_shaders::layouts::Job;
 
 use super::context::{Binding, Context, Pipeline, Precision};
 use super::{GpuError, GpuInstance};
-
-/// What the shader is told about a page of an instance.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub(super) struct Job {
-    row_x: Vec4,
-    row_y: Vec4,
-    row_z: Vec4,
-    camera: Vec3,
-    near: f32,
-    focal: Vec2,
-    center: Vec2,
-    limits: [f32; 4],
-    size: Vec2,
-    flags: u32,
-    sh_degree: u32,
-    first_slot: u32,
-    count: u32,
-    first: u32,
-    page_first: u32,
-}
 
 /// What the projection of an instance depends on, but for the Gaussians; the numbers are those of `cpu/project.rs`.
 fn placed(instance: &GpuInstance, view: &View, color: bool) -> Job {
@@ -51,22 +30,22 @@ fn placed(instance: &GpuInstance, view: &View, color: bool) -> Job {
     } else {
         turn.transpose() * (position - translation) / scale
     };
-    let size = Vec2::new(view.width as f32, view.height as f32);
+    let size = [view.width as f32, view.height as f32];
     let i = &view.intrinsics;
     let limits = |size: f32, center: f32, focal: f32| {
         let margin = 0.3 * 0.5 * size / focal;
         [-(center / focal + margin), (size - center) / focal + margin]
     };
-    let ([x0, x1], [y0, y1]) = (limits(size.x, i.cx, i.fx), limits(size.y, i.cy, i.fy));
+    let ([x0, x1], [y0, y1]) = (limits(size[0], i.cx, i.fx), limits(size[1], i.cy, i.fy));
     let flag = |on: bool, flag: u32| if on { flag } else { 0 };
     Job {
-        row_x: rows.row(0).extend(origin.x),
-        row_y: rows.row(1).extend(origin.y),
-        row_z: rows.row(2).extend(origin.z),
-        camera: camera.as_vec3(),
+        row_x: rows.row(0).extend(origin.x).to_array(),
+        row_y: rows.row(1).extend(origin.y).to_array(),
+        row_z: rows.row(2).extend(origin.z).to_array(),
+        camera: camera.as_vec3().to_array(),
         near: view.near,
-        focal: Vec2::new(i.fx, i.fy),
-        center: Vec2::new(i.cx, i.cy),
+        focal: [i.fx, i.fy],
+        center: [i.cx, i.cy],
         limits: [x0, x1, y0, y1],
         size,
         flags: flag(color, FLAG_COLOR)

@@ -144,7 +144,8 @@ mod tests {
     fn sums_of_any_number_of_numbers_are_those_of_a_loop() {
         let Some(context) = Context::for_test() else { return };
         let (n, block) = (1 << 20, SCAN_BLOCK as usize);
-        for len in [0, 1, 2, 7, 8, 9, 255, 256, 257, block - 1, block, block + 1, 5 * block, 100_000, n, n + 3] {
+        for len in [0, 1, 2, 7, 8, 9, 255, 256, 257, block - 1, block, block + 1, 5 * block, 100_000, n, n + 3, 1 << 24]
+        {
             let numbers: Vec<u32> = (0..len as u32).map(|i| i.wrapping_mul(2_654_435_761) >> 21).collect();
             let (before, sum) = exclusive_sums(&numbers);
             let (got, counters) = scanned(&context, &numbers, Count::Known(len as u32), &[7, 7, 7], 1);

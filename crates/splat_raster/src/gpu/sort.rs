@@ -322,8 +322,8 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn a_bench_of_more_keys_than_one_row_of_workgroups_reads_at_once_is_sorted() {
-        // More than 1024 blocks: the sums of a digit over the blocks take more than one step.
+    fn many_blocks_of_keys_are_sorted() {
+        // 17 blocks for each thread that sums up a digit, the last ones without any.
         let Some(context) = Context::for_test() else { return };
         let keys = random(1030 * SORT_BLOCK as usize);
         let (path, kernels) = paths(&context).pop().unwrap();

@@ -324,24 +324,3 @@ fn nothing_is_projected_of_nothing() {
         assert!(draw(&context, &instances, &view(1)).z.is_empty());
     }
 }
-
-#[test]
-fn the_shader_reads_a_job_as_rust_writes_it() {
-    assert_eq!(size_of::<Job>(), 128);
-    let text = splat_shaders::source(&PROJECT);
-    let fields: Vec<&str> = text[text.find("struct Job {").unwrap()..]
-        .lines()
-        .skip(1)
-        .take_while(|line| *line != "}")
-        .filter_map(|line| line.trim().split_once(": ").filter(|(name, _)| !name.starts_with("//")).map(|f| f.0))
-        .collect();
-    macro_rules! ordered {
-        ($($field:ident)*) => {
-            assert_eq!(fields, [$(stringify!($field)),*]);
-            let offsets = [$(std::mem::offset_of!(Job, $field)),*];
-            assert!(offsets.is_sorted());
-        };
-    }
-    ordered!(row_x row_y row_z camera near focal center limits size flags sh_degree first_slot count first page_first);
-    assert_eq!(std::mem::offset_of!(Job, limits), 80);
-}
