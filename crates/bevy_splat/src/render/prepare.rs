@@ -286,6 +286,11 @@ fn plan(
     }
     let corner = UVec2::new(view.viewport.x, view.viewport.y);
     let size = resolution.map_or(UVec2::new(view.viewport.z, view.viewport.w), |over| over.0);
+    // While a window shrinks its cameras' viewports may be those of the frame before.
+    let target = camera.physical_target_size.unwrap_or(UVec2::ZERO);
+    if (corner + size).cmpgt(target).any() {
+        return None;
+    }
     let mut clip_from_view = view.clip_from_view;
     if let Some(jitter) = jitter {
         jitter.jitter_projection(&mut clip_from_view, size.as_vec2());

@@ -6,6 +6,7 @@ use bevy::camera::{ImageRenderTarget, RenderTarget};
 use bevy::core_pipeline::tonemapping::{DebandDither, Tonemapping};
 use bevy::log::LogPlugin;
 use bevy::prelude::*;
+use bevy::render::diagnostic::RenderDiagnosticsPlugin;
 use bevy::render::error_handler::RenderErrorHandler;
 use bevy::render::pipelined_rendering::PipelinedRenderingPlugin;
 use bevy::render::render_asset::RenderAssets;
@@ -71,7 +72,7 @@ impl Stage {
         } else {
             app.add_plugins(plugins.disable::<PipelinedRenderingPlugin>());
         }
-        app.add_plugins(BevySplatPlugins);
+        app.add_plugins((BevySplatPlugins, RenderDiagnosticsPlugin));
         app.insert_resource(backend);
         // Any complaint of wgpu's is a failure.
         app.insert_resource(RenderErrorHandler(|error, _, _| panic!("wgpu: {}", error.description)));

@@ -3,7 +3,10 @@
 use std::sync::Arc;
 
 use bevy::prelude::*;
-use bevy::render::render_resource::TextureFormat;
+use bevy::render::error_handler::{ErrorType, RenderErrorHandler, RenderErrorPolicy};
+use bevy::render::render_resource::{PollType, TextureFormat};
+use bevy::render::renderer::RenderDevice;
+use bevy::render::settings::RenderCreation;
 use bevy_splat::prelude::*;
 
 use crate::harness::*;
@@ -89,5 +92,34 @@ fn a_thousand_captures_come_and_go_without_a_trace() {
         assert_eq!(stage.app.world().resource::<Assets<SplatCloud>>().len(), 0);
         let stats = stage.app.world().resource::<SplatRenderStats>();
         assert_eq!((stats.gpu_clouds, stats.kept_views), (0, 0));
+    }
+}
+
+#[test]
+fn a_lost_device_is_replaced() {
+    if !device() {
+        return;
+    }
+    for backend in backends() {
+        let mut stage = Stage::new(backend);
+        stage.app.insert_resource(RenderErrorHandler(|error, _, _| match error.ty {
+            ErrorType::DeviceLost => RenderErrorPolicy::Recover(RenderCreation::default()),
+            _ => panic!("wgpu: {}", error.description),
+        }));
+        let cloud = ball(200, 1.2, [0.9, 0.3, 0.1]);
+        stage.splats(&cloud, ());
+        let canvas = stage.canvas(TextureFormat::Rgba8UnormSrgb);
+        stage.camera(&canvas, SplatCamera { background: SplatBackground::Read, ..default() });
+        let before = stage.picture(&canvas, "before_loss");
+        let device = stage.app.world().resource::<RenderDevice>();
+        device.wgpu_device().destroy();
+        // The loss is told while the device is polled.
+        let _ = device.poll(PollType::wait_indefinitely());
+        for _ in 0..20 {
+            stage.app.update();
+            std::thread::sleep(std::time::Duration::from_millis(20));
+        }
+        let after = stage.picture(&canvas, &format!("after_loss_{backend:?}"));
+        assert_near("after_loss", &after, &before, 0.0, 0);
     }
 }

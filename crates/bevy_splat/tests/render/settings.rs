@@ -2,6 +2,7 @@
 
 use bevy::camera::Hdr;
 use bevy::core_pipeline::tonemapping::Tonemapping;
+use bevy::diagnostic::{DiagnosticPath, DiagnosticsStore};
 use bevy::prelude::*;
 use bevy::render::RenderPlugin;
 use bevy::render::render_resource::TextureFormat;
@@ -138,5 +139,31 @@ fn the_render_world_may_run_a_frame_behind() {
             stage.app.update();
         }
         assert!(stage.app.world().resource::<SplatRenderStats>().views.is_empty());
+    }
+}
+
+#[test]
+fn what_the_stages_take_is_recorded() {
+    if !device() {
+        return;
+    }
+    for backend in backends() {
+        let mut stage = Stage::new(backend);
+        stage.splats(&ball(50, 1.0, [0.5; 3]), ());
+        let canvas = stage.canvas(TextureFormat::Rgba8UnormSrgb);
+        stage.camera(&canvas, SplatCamera { background: SplatBackground::Read, ..default() });
+        stage.picture(&canvas, "recorded");
+        for _ in 0..4 {
+            stage.frame();
+        }
+        let store = stage.app.world().resource::<DiagnosticsStore>();
+        let spans: &[&str] = match backend {
+            SplatBackend::Gpu => &["draw", "composite"],
+            _ => &["read_back", "rasterize", "copy"],
+        };
+        for span in spans {
+            let path = DiagnosticPath::new(format!("render/splats/{span}/elapsed_cpu"));
+            assert!(store.get(&path).and_then(|d| d.value()).is_some_and(|ms| ms > 0.0), "{span}");
+        }
     }
 }
