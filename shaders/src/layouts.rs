@@ -75,7 +75,7 @@ layouts! {
     }
 
     /// What a dispatch blends.
-    BlendParams of "pixels" {
+    BlendParams of "blend" {
         /// Of the picture, in pixels.
         size: [u32; 2],
         /// Tiles across the picture.

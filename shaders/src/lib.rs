@@ -55,7 +55,7 @@ stages! {
     /// Pairs of tile and splat: a variant per kernel.
     BIN = "bin", &[&["PREPARE"], &["SHAPES", "SPLATS"], &["SHAPES", "PAIRS"], &["RANGES"]];
     /// Splats to pixels: any set of pictures, four channels of features, or votes of some masks.
-    PIXELS = "pixels", &[
+    BLEND = "blend", &[
         &["COLOR"],
         &["COLOR", "WIDE"],
         &["COLOR", "MEDIAN", "EXPECTED", "HITS", "STRONGEST", "VISIBLE", "LIMIT", "DEPTH", "SUMS"],

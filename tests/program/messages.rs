@@ -189,3 +189,33 @@ fn two_runs_and_any_number_of_threads_give_the_same_bytes() {
         assert!(bytes(0) == bytes(1) && bytes(0) == bytes(2), "{ending}");
     }
 }
+
+#[test]
+fn the_graphics_card_draws_the_same_picture_or_a_sentence_says_why_not() {
+    let dir = folder("backend");
+    write(&dir, "a.ply", &three_heaps(0));
+    done(&dir, "render a.ply -o cpu.png --size 64x48");
+    done(&dir, "render a.ply -o auto.png --size 64x48 --backend auto");
+    assert!(dir.join("auto.png").exists());
+    let said = splat(&dir, "render a.ply -o gpu.png --size 64x48 --backend gpu");
+    if cfg!(not(feature = "gpu")) {
+        assert_eq!(said.code, 1, "{said:?}");
+        assert!(said.err.contains("--features gpu") && said.err.trim_end().lines().count() == 1, "{said:?}");
+        assert!(!dir.join("gpu.png").exists());
+    } else if said.code == 0 {
+        let read = |name: &str| {
+            let mut reader = png::Decoder::new(std::io::BufReader::new(fs::File::open(dir.join(name)).unwrap()))
+                .read_info()
+                .unwrap();
+            let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+            reader.next_frame(&mut pixels).unwrap();
+            pixels
+        };
+        let (cpu, gpu) = (read("cpu.png"), read("gpu.png"));
+        assert_eq!(cpu.len(), gpu.len());
+        assert!(cpu.iter().zip(&gpu).all(|(a, b)| a.abs_diff(*b) <= 4));
+    } else {
+        assert!(said.err.contains("no GPU was found"), "{said:?}");
+        println!("skipped: no Vulkan device");
+    }
+}

@@ -136,7 +136,6 @@ impl Context {
 
     /// As [`Context::for_test`].
     #[cfg(test)]
-    #[expect(clippy::print_stdout, reason = "a skipped test says so")]
     pub(crate) fn for_test_with(options: GpuOptions) -> Option<Self> {
         match Self::headless(options) {
             Ok(context) => Some(context),

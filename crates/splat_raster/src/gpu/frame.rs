@@ -2,8 +2,8 @@
 
 use splat_core::{Mask2d, View};
 
+use super::blend::{Blender, Blending, Targets};
 use super::lists::{Counted, Lists};
-use super::pixels::{Blender, Blending, Targets};
 use super::readback::Echo;
 use super::timings::{Clock, GpuStage, GpuTimings, STAMP_BYTES};
 use super::{Gpu, GpuError, GpuInstance, Precision};
@@ -185,7 +185,7 @@ impl GpuFrame {
             limit: request.limit,
         };
         let blending = Blending { lists, size: [view.width, view.height], slots, targets };
-        let blender = Blender::new(&gpu.context, &gpu.stages.pixels, &blending)?;
+        let blender = Blender::new(&gpu.context, &gpu.stages.blend, &blending)?;
         for sums in [targets.visible.map(|v| v.0), targets.votes.map(|v| v.1)].into_iter().flatten() {
             encoder.clear_buffer(sums, 0, None);
         }

@@ -4,15 +4,39 @@
 //! what may be seen, in order of ids), a stable radix sort by depth, pairs of tile and splat in that order, a stable sort
 //! by tile, and a workgroup of 16x16 threads that blends a tile. Nothing is read back inside a frame. No float is added
 //! up by atomics: the same input gives the same bits.
+//!
+//! [`GpuRasterizer`] draws as [`CpuRasterizer`](crate::cpu::CpuRasterizer) does and waits for the picture:
+//!
+//! ```
+//! use std::sync::Arc;
+//! use splat_core::glam::Vec3;
+//! use splat_core::{Cloud, Pose, View};
+//! use splat_raster::gpu::{Gpu, GpuError, GpuOptions, GpuRasterizer};
+//! use splat_raster::{Rasterizer, Scene};
+//!
+//! let gpu = match Gpu::headless(GpuOptions::default()) {
+//!     Ok(gpu) => gpu,
+//!     Err(GpuError::NoAdapter { .. }) => return Ok(()), // Draw with the CPU.
+//!     Err(e) => return Err(e.into()),
+//! };
+//! let mut rasterizer = GpuRasterizer::new(gpu);
+//! let scene = Scene::of(Arc::new(Cloud::default()));
+//! let view = View::perspective(Pose::look_at(Vec3::NEG_Z, Vec3::ZERO, Vec3::NEG_Y), 0.9, 64, 48);
+//! assert_eq!(rasterizer.render(&scene, &view)?.len(), 64 * 48);
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! In a program with a device of its own (Bevy's, say): [`Gpu::new`] once, a [`GpuCloud`] per cloud, a [`GpuFrame`] per
+//! view, and [`GpuFrame::encode`] into a command encoder each frame; the results are textures and buffers.
 
 mod bin;
+mod blend;
 mod cloud;
 mod compact;
 mod context;
 mod error;
 mod frame;
 mod lists;
-mod pixels;
 mod project;
 mod rasterizer;
 mod readback;
@@ -30,9 +54,9 @@ pub use scene::GpuInstance;
 pub use timings::GpuTimings;
 
 use bin::BinKernels;
+use blend::BlendKernels;
 use compact::CompactKernels;
 use context::Context;
-use pixels::BlendKernels;
 use project::ProjectKernels;
 use scan::ScanKernels;
 use sort::SortKernels;
@@ -52,7 +76,7 @@ struct Stages {
     scan: ScanKernels,
     sort: SortKernels,
     bin: BinKernels,
-    pixels: BlendKernels,
+    blend: BlendKernels,
 }
 
 impl Stages {
@@ -63,7 +87,7 @@ impl Stages {
             scan: ScanKernels::new(context)?,
             sort: SortKernels::new(context)?,
             bin: BinKernels::new(context)?,
-            pixels: BlendKernels::new(context)?,
+            blend: BlendKernels::new(context)?,
         })
     }
 

@@ -1,4 +1,4 @@
-//! [`Blender`]: the splats of all tiles into pictures and sums (`pixels.wgsl`).
+//! [`Blender`]: the splats of all tiles into pictures and sums (`blend.wgsl`).
 //!
 //! A dispatch for all pictures and visibility, one for every four channels of features, one for every [`VOTE_MASKS`] masks.
 //! A kernel is compiled for each set of outputs when it is first asked for, so that what is not asked for costs nothing.
@@ -6,7 +6,7 @@
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
 
-use splat_shaders::PIXELS;
+use splat_shaders::BLEND;
 use splat_shaders::constants::{TILE, VOTE_MASKS};
 use splat_shaders::layouts::BlendParams;
 
@@ -14,7 +14,7 @@ use super::GpuError;
 use super::context::{Binding, Context, Pipeline, Precision};
 use super::lists::Listed;
 
-/// What a kernel does: names of switches of `pixels.wgsl`.
+/// What a kernel does: names of switches of `blend.wgsl`.
 type Switches = Vec<&'static str>;
 
 /// The compiled kernels.
@@ -72,7 +72,7 @@ impl BlendKernels {
         if let Some(known) = compiled.get(&switches) {
             return Ok(known.clone());
         }
-        let pipeline = context.pipeline(&PIXELS, &switches, "blend_tile", &bindings(&switches), &[])?;
+        let pipeline = context.pipeline(&BLEND, &switches, "blend_tile", &bindings(&switches), &[])?;
         compiled.insert(switches, pipeline.clone());
         Ok(pipeline)
     }

@@ -5,7 +5,7 @@
 // FEATURES (four channels a dispatch); VOTES (up to VOTE_MASKS masks a dispatch; sums as two words, the low one first).
 // DEPTH goes with MEDIAN, EXPECTED and LIMIT, SUMS with VISIBLE and VOTES; WIDE: colours as f32.
 // LIMIT: what is at or beyond a pixel's limit adds nothing to it.
-// A group of TILE x TILE threads per tile, a thread per pixel. CPU twin: cpu/blend.rs; slow twin: the tests of gpu/pixels.rs.
+// A group of TILE x TILE threads per tile, a thread per pixel. CPU twin: cpu/blend.rs; slow twin: the tests of gpu/blend.rs.
 
 struct BlendParams {
     size: vec2<u32>,

@@ -257,8 +257,8 @@ fn check(context: &Context, splats: &[Splat], limits: Option<&[f32]>) {
     for slot in 0..splats.len() {
         let total = sum(slot);
         assert!((total - slow_total[slot]).abs() <= 1e-4 * slow_total[slot] + PIXELS as f64 + slack, "{slot}");
-        for m in 0..MASKS {
-            let (inside, slow) = (sum((1 + m) * splats.len() + slot), slow_inside[slot][m]);
+        for (m, slow) in slow_inside[slot].into_iter().enumerate() {
+            let inside = sum((1 + m) * splats.len() + slot);
             assert!((inside - slow).abs() <= 1e-4 * slow + 255.0 * (PIXELS as f64 + slack), "{slot}, mask {m}");
         }
         assert_eq!(sum(2 * splats.len() + slot), 255.0 * total, "mask 1 is everywhere");
