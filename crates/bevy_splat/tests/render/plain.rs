@@ -145,3 +145,38 @@ fn what_moves_and_changes_is_drawn_where_it_is() {
         assert_near("gone", &stage.read(&canvas, "gone"), &vec![blank; got.len()], 1.0, 0);
     }
 }
+
+#[test]
+fn damaged_and_monstrous_gaussians_do_no_harm() {
+    if !device() {
+        return;
+    }
+    let whole = ball(200, 1.2, [0.7, 0.6, 0.2]);
+    let mut means = whole.means().to_vec();
+    let mut scales = whole.log_scales().to_vec();
+    (means[3], means[50]) = (Vec3::NAN, Vec3::new(0.0, f32::INFINITY, 1.0));
+    (scales[7], scales[9]) = (Vec3::new(f32::NAN, 0.0, 0.0), Vec3::splat(1e6f32.ln()));
+    (means[11], scales[12]) = (Vec3::splat(3e38), Vec3::splat(f32::INFINITY));
+    let cloud = Cloud::new(CloudArrays {
+        means,
+        log_scales: scales,
+        rotations: whole.rotations().to_vec(),
+        opacity_logits: whole.opacity_logits().to_vec(),
+        sh: whole.sh().to_vec(),
+        ..CloudArrays::default()
+    });
+    let cloud = std::sync::Arc::new(cloud.unwrap());
+    for backend in backends() {
+        let mut stage = Stage::new(backend);
+        let canvas = stage.canvas(TextureFormat::Rgba8UnormSrgb);
+        stage.splats(&cloud, ());
+        let camera = stage.camera(&canvas, ());
+        for z in [6.0, 0.1] {
+            stage.app.world_mut().get_mut::<Transform>(camera).unwrap().translation.z = z;
+            let name = format!("damaged_{z}_{backend:?}");
+            let got = stage.picture(&canvas, &name);
+            let expected = over(&stage.expected(camera, &Scene::of(cloud.clone()), None), |_| CLEAR);
+            assert_near(&name, &got, &expected, 4.0, 0);
+        }
+    }
+}
