@@ -38,7 +38,7 @@ struct Options {
     /// Pixels across and down of the pictures that are compared with the reference
     #[arg(long, value_name = "WxH", value_parser = parse_size, default_value = "320x180")]
     still: (u32, u32),
-    /// Rounds through all contenders
+    /// Rounds through all contenders; 0 for pictures alone
     #[arg(long, default_value_t = 3)]
     rounds: usize,
     /// Frames of each round that count
@@ -85,27 +85,33 @@ fn run(options: &Options) -> Result<(), Failure> {
     let out = options.out.clone().unwrap_or_else(|| std::env::temp_dir().join("splat-peers"));
     std::fs::create_dir_all(&out).map_err(|e| Failure::new("the folder cannot be made", e, &out))?;
     let runner = Runner::new(&out, options.patience)?;
-    let mut text = machine::describe();
+    let mut text = String::new();
+    // Whoever stops a long comparison keeps what was compared.
+    let mut say = |part: String| -> Result<(), Failure> {
+        println!("{part}");
+        text += &part;
+        let path = options.write.as_deref();
+        path.map_or(Ok(()), |path| {
+            std::fs::write(path, &text).map_err(|e| Failure::new("the table cannot be written", e, path))
+        })
+    };
+    say(machine::describe())?;
     if options.device {
-        text += &sweep::run(options, &runner)?;
+        sweep::run(options, &runner, &mut say)?;
     } else if options.scene.is_empty() {
         let path = out.join(format!("generated-{}.ply", options.count));
         let cloud = scene::generated(options.count)?;
         scene::write(&cloud, &path)?;
         let name = format!("generated cloud, {} Gaussians", cloud.len());
-        text += &compare(options, &runner, &name, &cloud, &path, None)?;
+        say(compare(options, &runner, &name, &cloud, &path, None)?)?;
     } else {
         for (k, file) in options.scene.iter().enumerate() {
             let (cloud, path) = scene::read(file, &out)?;
             let name = format!("{}, {} Gaussians", scene::name(file), cloud.len());
-            text += &compare(options, &runner, &name, &cloud, &path, options.camera.get(k).map(String::as_str))?;
+            say(compare(options, &runner, &name, &cloud, &path, options.camera.get(k).map(String::as_str))?)?;
         }
     }
-    println!("{text}");
-    match &options.write {
-        Some(path) => std::fs::write(path, &text).map_err(|e| Failure::new("the table cannot be written", e, path)),
-        None => Ok(()),
-    }
+    Ok(())
 }
 
 /// One scene through all contenders.
@@ -136,7 +142,7 @@ fn compare(
             row.add(runner.measure(row.contender, &job));
         }
     }
-    for row in rows.iter_mut().filter(|row| row.contender.timed) {
+    for row in rows.iter_mut().filter(|row| row.contender.timed && options.rounds > 0) {
         eprintln!("{name}: stages, {}", row.contender.name);
         row.staged = runner.stages(row.contender, &job).ok();
     }

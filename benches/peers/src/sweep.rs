@@ -9,18 +9,22 @@ use crate::{Options, scene};
 /// Pixels across and down.
 const SIZE: (u32, u32) = (1920, 1080);
 
-/// Tables for all counts.
-pub(crate) fn run(options: &Options, runner: &Runner) -> Result<String, Failure> {
+/// Tables for all counts, each told when it is known.
+pub(crate) fn run(
+    options: &Options,
+    runner: &Runner,
+    say: &mut impl FnMut(String) -> Result<(), Failure>,
+) -> Result<(), Failure> {
     let bandwidth = runner.ask(&["bandwidth"]);
     // Bytes per millisecond.
     let rate = bandwidth.as_ref().ok().and_then(|r| r.stages.first()).and_then(|s| Some(s.bytes? / s.ms));
-    let mut text = match (&bandwidth, rate) {
+    say(match (&bandwidth, rate) {
         (Ok(report), Some(rate)) => {
             format!("Device: {}; copies {:.0} GB/s, read and written\n", report.device, rate * 1e-6)
         }
         (Err(failure), _) => format!("Memory bandwidth: {failure}\n"),
         _ => String::new(),
-    };
+    })?;
     for &count in &options.counts {
         let path = runner.out.join(format!("generated-{count}.ply"));
         let cloud = scene::generated(count)?;
@@ -41,11 +45,11 @@ pub(crate) fn run(options: &Options, runner: &Runner) -> Result<String, Failure>
         for row in &mut rows {
             row.staged = runner.stages(row.contender, &job).ok();
         }
-        text += &section(count, &rows, rate);
+        say(section(count, &rows, rate))?;
         // The large ones take gigabytes.
         let _ = std::fs::remove_file(&path);
     }
-    Ok(text)
+    Ok(())
 }
 
 fn section(count: usize, rows: &[Row], rate: Option<f64>) -> String {
