@@ -5,7 +5,8 @@
 // FEATURES (four channels a dispatch); VOTES (up to VOTE_MASKS masks a dispatch; sums as two words, the low one first).
 // DEPTH goes with MEDIAN, EXPECTED and LIMIT, SUMS with VISIBLE and VOTES; WIDE: colours as f32.
 // LIMIT: what is at or beyond a pixel's limit adds nothing to it.
-// A group of TILE x TILE threads per tile, a thread per pixel. CPU twin: cpu/blend.rs; slow twin: the tests of gpu/blend.rs.
+// A group of BLEND_THREADS threads per tile, a thread for four pixels of a row, so that what a splat is is read once for
+// four. CPU twin: cpu/blend.rs; slow twin: the tests of gpu/blend.rs.
 
 struct BlendParams {
     size: vec2<u32>,
@@ -76,15 +77,17 @@ struct BlendParams {
 //#end
 
 const BATCH: u32 = TILE * TILE;
-// Squares of 4 x 4 pixels, 4 across a tile: neighbouring threads, which go through the same splats.
-const SQUARES: u32 = 16u;
-const SQUARE: u32 = 4u;
+// Pixels of a thread.
+const LANES: u32 = TILE * TILE / BLEND_THREADS;
+// Parts of 8 x 4 pixels, 2 across a tile: neighbouring threads, which go through the same splats.
+const PARTS: u32 = 8u;
+const PART: vec2<u32> = vec2<u32>(8u, 4u);
 const WORDS: u32 = BATCH / 32u;
 
 var<workgroup> range: vec2<u32>;
-// Of this batch and the next: whether a pixel has not ended; per square a bit for each splat that reaches it.
+// Of this batch and the next: whether a pixel has not ended; per part a bit for each splat that reaches it.
 var<workgroup> open: array<u32, 2>;
-var<workgroup> reached: array<atomic<u32>, 2u * SQUARES * WORDS>;
+var<workgroup> reached: array<atomic<u32>, 2u * PARTS * WORDS>;
 // Of each splat of the batch: mean and (along, shear), then (across, level), z and the slot's bits.
 var<workgroup> batch_a: array<vec4<f32>, BATCH>;
 var<workgroup> batch_b: array<vec4<f32>, BATCH>;
@@ -134,30 +137,33 @@ fn fall(a: vec4<f32>, across: f32, d: vec2<f32>) -> f32 {
     return e * e + f * f;
 }
 
-// Marks the squares of the tile that a splat reaches.
+// Marks the parts of the tile that a splat reaches.
 fn mark(k: u32, words: u32, corner: vec2<u32>, a: vec4<f32>, b: vec2<f32>) {
     let reach = b.y + LEVELS + MARGIN;
     let ratio = b.x / a.z;
     // Where on a column the splat is strongest.
     let lean = a.w / (ratio * ratio + a.w * a.w);
     let first = vec2<f32>(corner) + 0.5 - a.xy;
-    for (var square = 0u; square < SQUARES; square++) {
-        let low = first + f32(SQUARE) * vec2<f32>(f32(square % 4u), f32(square / 4u));
-        if !(least_fall(a, b.x, lean, low, low + f32(SQUARE - 1u)) > reach) {
-            atomicOr(&reached[words + square * WORDS + k / 32u], 1u << (k % 32u));
+    for (var part = 0u; part < PARTS; part++) {
+        let low = first + vec2<f32>(PART * vec2<u32>(part % 2u, part / 2u));
+        if !(least_fall(a, b.x, lean, low, low + vec2<f32>(PART - 1u)) > reach) {
+            atomicOr(&reached[words + part * WORDS + k / 32u], 1u << (k % 32u));
         }
     }
 }
 
-@compute @workgroup_size(TILE * TILE)
+@compute @workgroup_size(BLEND_THREADS)
 fn blend_tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) thread: u32) {
     let tile = folded(group);
     let corner = vec2<u32>(tile % blend.tiles_across, tile / blend.tiles_across) * TILE;
-    let square = thread / (SQUARE * SQUARE);
-    let at = corner + SQUARE * vec2<u32>(square % 4u, square / 4u) + vec2<u32>(thread % 4u, thread / 4u % 4u);
-    let inside = tile < blend.tiles && at.x < blend.size.x && at.y < blend.size.y;
+    let part = thread / 8u;
+    // The first of the thread's pixels.
+    let at = corner + PART * vec2<u32>(part % 2u, part / 2u) + vec2<u32>(thread % 2u * LANES, thread / 2u % 4u);
+    let across = vec4<u32>(at.x) + vec4<u32>(0u, 1u, 2u, 3u);
+    let inside = (across < vec4<u32>(blend.size.x)) & vec4<bool>(tile < blend.tiles && at.y < blend.size.y);
     let pixel = at.y * blend.size.x + at.x;
-    let center = vec2<f32>(at) + 0.5;
+    let center_x = vec4<f32>(across) + 0.5;
+    let center_y = f32(at.y) + 0.5;
     if thread == 0u {
         open[0] = 0u;
         range = vec2<u32>(0u);
@@ -165,45 +171,49 @@ fn blend_tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
             range = tile_ranges[tile];
         }
     }
-    if thread < SQUARES * WORDS {
-        atomicStore(&reached[thread], 0u);
-    }
+    atomicStore(&reached[thread], 0u);
     let pairs = workgroupUniformLoad(&range);
     // Which half of the marks is in use.
     var phase = 0u;
 
-    var t = 1.0;
-    var ended = !inside;
+    var t = vec4<f32>(1.0);
+    var live = inside;
 //#if LIMIT
-    var farthest = 0.0;
-    if inside {
-        farthest = textureLoad(limit, at, 0).x;
+    var farthest = vec4<f32>(0.0);
+    for (var i = 0u; i < LANES; i++) {
+        if inside[i] {
+            farthest[i] = textureLoad(limit, vec2<u32>(across[i], at.y), 0).x;
+        }
     }
 //#end
 //#if COLOR
-    var sum = vec3<f32>(0.0);
+    var red = vec4<f32>(0.0);
+    var green = vec4<f32>(0.0);
+    var blue = vec4<f32>(0.0);
 //#end
 //#if MEDIAN
-    var median = bitcast<f32>(blend.none);
+    var median = vec4<f32>(bitcast<f32>(blend.none));
 //#end
 //#if EXPECTED
-    var depth_sum = 0.0;
+    var depth_sum = vec4<f32>(0.0);
 //#end
 //#if HITS
-    var hit = NO_ID;
+    var hit = vec4<u32>(NO_ID);
 //#end
 //#if STRONGEST
-    var strong = NO_ID;
-    var largest = 0.0;
+    var strong = vec4<u32>(NO_ID);
+    var largest = vec4<f32>(0.0);
 //#end
 //#if FEATURES
-    var feature_sum = vec4<f32>(0.0);
+    var feature_sums: array<vec4<f32>, LANES>;
 //#end
 //#if VOTES
-    var mask: array<u32, VOTE_MASKS>;
-    if inside {
-        for (var m = 0u; m < blend.masks; m++) {
-            mask[m] = mask_value(m, pixel);
+    var mask: array<vec4<u32>, VOTE_MASKS>;
+    for (var m = 0u; m < blend.masks; m++) {
+        for (var i = 0u; i < LANES; i++) {
+            if inside[i] {
+                mask[m][i] = mask_value(m, pixel + i);
+            }
         }
     }
 //#end
@@ -211,32 +221,29 @@ fn blend_tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
     for (var begin = pairs.x; begin < pairs.y; begin += BATCH) {
         // The batch before is no longer read once all threads are here.
         workgroupBarrier();
-        let words = phase * SQUARES * WORDS;
-        if thread < SQUARES * WORDS {
-            atomicStore(&reached[(1u - phase) * SQUARES * WORDS + thread], 0u);
-        }
+        let words = phase * PARTS * WORDS;
+        atomicStore(&reached[(1u - phase) * PARTS * WORDS + thread], 0u);
         if thread == 0u {
             open[1u - phase] = 0u;
         }
-        if !ended {
+        if any(live) {
             // Whichever thread is last writes the same.
             open[phase] = 1u;
         }
         let count = min(pairs.y - begin, BATCH);
-        var slot = 0u;
-        if thread < count {
-            slot = pair_slots[begin + thread];
+        for (var k = thread; k < count; k += BLEND_THREADS) {
+            let slot = pair_slots[begin + k];
             var depth = 0.0;
 //#if DEPTH
             depth = z[slot];
 //#end
             let a = vec4<f32>(mean[slot], shape_a[slot]);
             let b = shape_b[slot];
-            batch_a[thread] = a;
-            batch_b[thread] = vec4<f32>(b, depth, bitcast<f32>(slot));
-            mark(thread, words, corner, a, b);
+            batch_a[k] = a;
+            batch_b[k] = vec4<f32>(b, depth, bitcast<f32>(slot));
+            mark(k, words, corner, a, b);
 //#if COLOR
-            batch_color[thread] = color[slot];
+            batch_color[k] = color[slot];
 //#end
 //#if FEATURES
             var values = vec4<f32>(0.0);
@@ -244,7 +251,13 @@ fn blend_tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
             for (var c = 0u; c < min(blend.channels - blend.channel, 4u); c++) {
                 values[c] = features[first + c];
             }
-            batch_features[thread] = values;
+            batch_features[k] = values;
+//#end
+//#if VOTES
+            atomicStore(&batch_total[k], 0u);
+            for (var m = 0u; m < blend.masks; m++) {
+                atomicStore(&batch_inside[m * BATCH + k], 0u);
+            }
 //#end
         }
 //#if VISIBLE
@@ -252,129 +265,128 @@ fn blend_tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
             atomicStore(&batch_seen[thread], 0u);
         }
 //#end
-//#if VOTES
-        atomicStore(&batch_total[thread], 0u);
-        for (var m = 0u; m < blend.masks; m++) {
-            atomicStore(&batch_inside[m * BATCH + thread], 0u);
-        }
-//#end
         if workgroupUniformLoad(&open[phase]) == 0u {
             break;
         }
-        for (var w = 0u; w < WORDS && !ended; w++) {
-            var bits = atomicLoad(&reached[words + square * WORDS + w]);
+        for (var w = 0u; w < WORDS && any(live); w++) {
+            var bits = atomicLoad(&reached[words + part * WORDS + w]);
             while bits != 0u {
                 let k = 32u * w + firstTrailingBit(bits);
                 bits &= bits - 1u;
                 let a = batch_a[k];
                 let b = batch_b[k];
+                let dy = center_y - a.y;
+                let e = a.z * (center_x - (a.x + a.w * dy));
+                let f = b.x * dy;
+                let alpha = min(exp2(b.y - f * f - e * e), vec4<f32>(LARGEST_ALPHA));
+                var drawn = live & (alpha >= vec4<f32>(SMALLEST_ALPHA));
 //#if LIMIT
-                if b.z >= farthest {
-                    continue;
-                }
+                drawn = drawn & (vec4<f32>(b.z) < farthest);
 //#end
-                let d = center - a.xy;
-                let e = a.z * (d.x - a.w * d.y);
-                let f = b.x * d.y;
-                let alpha = min(exp2(b.y - e * e - f * f), LARGEST_ALPHA);
-                if !(alpha >= SMALLEST_ALPHA) {
+                if !any(drawn) {
                     continue;
                 }
                 let after = t - alpha * t;
-                if after < LEAST_TRANSMITTANCE {
-                    ended = true;
-                    break;
-                }
-                let weight = alpha * t;
+                let ends = drawn & (after < vec4<f32>(LEAST_TRANSMITTANCE));
+                live = live & !ends;
+                drawn = drawn & !ends;
+                let weight = select(vec4<f32>(0.0), alpha * t, drawn);
 //#if COLOR
                 let packed = batch_color[k];
-                sum += weight * vec3<f32>(unpack2x16float(packed.x), unpack2x16float(packed.y).x);
+                let rg = unpack2x16float(packed.x);
+                red += weight * rg.x;
+                green += weight * rg.y;
+                blue += weight * unpack2x16float(packed.y).x;
 //#end
 //#if MEDIAN
-                if t > 0.5 && after <= 0.5 {
-                    median = b.z;
-                }
+                median = select(median, vec4<f32>(b.z), drawn & (t > vec4<f32>(0.5)) & (after <= vec4<f32>(0.5)));
 //#end
 //#if EXPECTED
                 depth_sum += weight * b.z;
 //#end
 //#if HITS
-                if t > blend.hit && after <= blend.hit {
-                    hit = bitcast<u32>(b.w);
-                }
+                let falls = drawn & (t > vec4<f32>(blend.hit)) & (after <= vec4<f32>(blend.hit));
+                hit = select(hit, vec4<u32>(bitcast<u32>(b.w)), falls);
 //#end
 //#if STRONGEST
-                if weight > largest {
-                    largest = weight;
-                    strong = bitcast<u32>(b.w);
-                }
+                strong = select(strong, vec4<u32>(bitcast<u32>(b.w)), weight > largest);
+                largest = max(largest, weight);
 //#end
 //#if VISIBLE
-                if weight > blend.unseen {
+                if any(weight > vec4<f32>(blend.unseen)) {
                     atomicOr(&batch_seen[k / 32u], 1u << (k % 32u));
                 }
 //#end
 //#if FEATURES
-                feature_sum += weight * batch_features[k];
-//#end
-//#if VOTES
-                let unit = u32(weight * VOTE_SCALE + 0.5);
-                atomicAdd(&batch_total[k], unit);
-                for (var m = 0u; m < blend.masks; m++) {
-                    if mask[m] != 0u {
-                        atomicAdd(&batch_inside[m * BATCH + k], unit * mask[m]);
-                    }
+                let values = batch_features[k];
+                for (var i = 0u; i < LANES; i++) {
+                    feature_sums[i] += weight[i] * values;
                 }
 //#end
-                t = after;
+//#if VOTES
+                let units = vec4<u32>(weight * VOTE_SCALE + 0.5);
+                atomicAdd(&batch_total[k], units.x + units.y + units.z + units.w);
+                for (var m = 0u; m < blend.masks; m++) {
+                    let votes_for = units * mask[m];
+                    atomicAdd(&batch_inside[m * BATCH + k], votes_for.x + votes_for.y + votes_for.z + votes_for.w);
+                }
+//#end
+                t = select(t, after, drawn);
+                if !any(live) {
+                    break;
+                }
             }
         }
         phase = 1u - phase;
 //#if SUMS
         workgroupBarrier();
-        if thread < count {
+        for (var k = thread; k < count; k += BLEND_THREADS) {
+            let slot = bitcast<u32>(batch_b[k].w);
 //#if VISIBLE
-            if (atomicLoad(&batch_seen[thread / 32u]) >> (thread % 32u) & 1u) != 0u {
+            if (atomicLoad(&batch_seen[k / 32u]) >> (k % 32u) & 1u) != 0u {
                 atomicOr(&seen_bits[slot / 32u], 1u << (slot % 32u));
             }
 //#end
 //#if VOTES
             if blend.mask == 0u {
-                add_wide(slot, atomicLoad(&batch_total[thread]));
+                add_wide(slot, atomicLoad(&batch_total[k]));
             }
             for (var m = 0u; m < blend.masks; m++) {
-                add_wide((1u + blend.mask + m) * blend.slots + slot, atomicLoad(&batch_inside[m * BATCH + thread]));
+                add_wide((1u + blend.mask + m) * blend.slots + slot, atomicLoad(&batch_inside[m * BATCH + k]));
             }
 //#end
         }
 //#end
     }
-    if !inside {
-        return;
-    }
+    for (var i = 0u; i < LANES; i++) {
+        if !inside[i] {
+            break;
+        }
+        let place = vec2<u32>(across[i], at.y);
 //#if COLOR
-    textureStore(color_picture, at, vec4<f32>(sum, 1.0 - t));
+        textureStore(color_picture, place, vec4<f32>(red[i], green[i], blue[i], 1.0 - t[i]));
 //#end
 //#if MEDIAN
-    textureStore(median_picture, at, vec4<f32>(median, 0.0, 0.0, 0.0));
+        textureStore(median_picture, place, vec4<f32>(median[i], 0.0, 0.0, 0.0));
 //#end
 //#if EXPECTED
-    var expected = bitcast<f32>(blend.none);
-    if 1.0 - t > LEAST_WEIGHT {
-        expected = depth_sum / (1.0 - t);
-    }
-    textureStore(expected_picture, at, vec4<f32>(expected, 0.0, 0.0, 0.0));
+        var expected = bitcast<f32>(blend.none);
+        if 1.0 - t[i] > LEAST_WEIGHT {
+            expected = depth_sum[i] / (1.0 - t[i]);
+        }
+        textureStore(expected_picture, place, vec4<f32>(expected, 0.0, 0.0, 0.0));
 //#end
 //#if HITS
-    hits[pixel] = hit;
+        hits[pixel + i] = hit[i];
 //#end
 //#if STRONGEST
-    strongest[pixel] = strong;
+        strongest[pixel + i] = strong[i];
 //#end
 //#if FEATURES
-    let first = pixel * blend.channels + blend.channel;
-    for (var c = 0u; c < min(blend.channels - blend.channel, 4u); c++) {
-        feature_picture[first + c] = feature_sum[c];
-    }
+        let first = (pixel + i) * blend.channels + blend.channel;
+        for (var c = 0u; c < min(blend.channels - blend.channel, 4u); c++) {
+            feature_picture[first + c] = feature_sums[i][c];
+        }
 //#end
+    }
 }

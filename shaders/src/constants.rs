@@ -60,7 +60,7 @@ impl Bits for f32 {
 }
 
 constants! {
-    /// Pixels across and down a tile; a workgroup of the blend stage has a thread per pixel.
+    /// Pixels across and down a tile; a workgroup of the blend stage has one.
     TILE: u32 = 16;
     /// Threads of a workgroup of the stages that go through lists.
     BLOCK: u32 = 256;
@@ -127,6 +127,8 @@ constants! {
     FLAG_SUBSET: u32 = 16;
     /// Project: mix the tint over the colours.
     FLAG_TINT: u32 = 32;
+    /// Threads that blend a tile: each four pixels of a row.
+    BLEND_THREADS: u32 = 64;
     /// Masks that one dispatch votes for: what fits workgroup memory beside the splats.
     VOTE_MASKS: u32 = 3;
     /// Natural logarithm of 2.

@@ -16,6 +16,9 @@ use crate::RasterError;
 /// Pairs to begin with, at least.
 const FEWEST_PAIRS: u32 = 1 << 16;
 
+/// Pairs that room is ever made for: a gibibyte.
+const MOST_PAIRS: u64 = 1 << 26;
+
 /// What the GPU counted in a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Counted {
@@ -186,7 +189,8 @@ impl Lists {
             })?);
         }
         let Some(slots) = &self.slots else { return Ok(()) };
-        let most = (context.limits.max_storage_buffer_binding_size.min(context.limits.max_buffer_size) / 4) as u32;
+        let binding = context.limits.max_storage_buffer_binding_size.min(context.limits.max_buffer_size);
+        let most = (binding / 4).min(MOST_PAIRS) as u32;
         let known = self.pairs.as_ref().map_or(0, |p| p.capacity);
         let needed = if self.needed > known { self.needed.saturating_add(self.needed / 4) } else { known };
         let first = slots.capacity.saturating_mul(2).clamp(FEWEST_PAIRS, 1 << 24);

@@ -2,7 +2,7 @@
 //!
 //! The same stages as on the CPU, as compute passes: project (a thread per Gaussian, records in place), compact (keys of
 //! what may be seen, in order of ids), a stable radix sort by depth, pairs of tile and splat in that order, a stable sort
-//! by tile, and a workgroup of 16x16 threads that blends a tile. Nothing is read back inside a frame. No float is added
+//! by tile, and a workgroup per tile of 16x16 pixels that blends it. Nothing is read back inside a frame. No float is added
 //! up by atomics: the same input gives the same bits.
 //!
 //! [`GpuRasterizer`] draws as [`CpuRasterizer`](crate::cpu::CpuRasterizer) does and waits for the picture:
