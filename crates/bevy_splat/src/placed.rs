@@ -6,7 +6,7 @@ use bevy::asset::AssetId;
 use bevy::camera::visibility::{InheritedVisibility, RenderLayers};
 use bevy::ecs::system::SystemParam;
 use bevy::prelude::*;
-use splat_core::{Cloud, SelectMode, Selection, Similarity};
+use splat_core::{Cloud, SelectMode, Selection};
 use splat_raster::Instance;
 
 use crate::components::{SplatFlags, SplatSubset};

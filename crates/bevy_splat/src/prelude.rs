@@ -13,15 +13,16 @@ pub use crate::segment::{
     SegmentViews, SplatSegmentPlugin,
 };
 pub use crate::select::{
-    MakePart, PartMade, SelectBy, SelectFailed, SelectRequest, SelectionChanged, Shape2d, SplatMakePartCommands,
-    SplatSelectPlugin, SplatSelectSystems,
+    Criterion, Likeness, MakePart, PartMade, SelectBy, SelectFailed, SelectRequest, SelectionChanged, Shape2d,
+    SplatMakePartCommands, SplatSelectPlugin, SplatSelectSystems,
 };
 pub use crate::tools::{
-    ActiveTool, AddSplatTool, Brush, CancelGesture, Gesture, Lasso, Rectangle, SplatTool, SplatToolTable,
-    SplatToolsPlugin, ToolMode, ToolProjection, ToolSettings, ToolTargets,
+    ActiveTool, AddSplatTool, CancelGesture, Gesture, SplatTool, SplatToolTable, SplatToolsPlugin, ToolMode,
+    ToolProjection, ToolSettings, ToolTargets,
 };
 pub use crate::{
     BevySplatPlugins, DefaultSplatHighlight, PartOf, SplatCloud, SplatFlags, SplatHighlight, SplatPart,
     SplatPartCommands, SplatParts, SplatSelection, SplatSubset, SplatTint, Splats, UPRIGHT,
 };
 pub use splat_core::{self, Cloud, CloudArrays, Mask2d, PartId, Parts, SelectMode, Selection, glam};
+pub use splat_segment::project::{DepthTolerance, Footprint};

@@ -14,7 +14,7 @@ use super::selection::apply;
 pub struct SplatFlags {
     /// Not drawn, not picked, not selected by tools.
     pub hidden: Selection,
-    /// Drawn, but neither picked nor selected by tools.
+    /// Drawn and hit by pointers, which can tell; not selected by tools.
     pub locked: Selection,
 }
 

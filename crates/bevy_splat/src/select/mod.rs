@@ -7,7 +7,6 @@
 //! ```
 //! use bevy::prelude::*;
 //! use bevy_splat::prelude::*;
-//! use bevy_splat::splat_core::Criterion;
 //!
 //! /// Adds everything that is nearly transparent.
 //! fn select_haze(captures: Query<Entity, With<Splats>>, mut requests: MessageWriter<SelectRequest>) {
@@ -33,6 +32,8 @@ mod shape;
 pub use make_part::{MakePart, MakePartError, PartMade, SplatMakePartCommands, make_part};
 pub use request::{SelectBy, SelectError, SelectFailed, SelectRequest, SelectionChanged};
 pub use shape::Shape2d;
+pub use splat_core::{Criterion, Likeness};
+pub use splat_segment::project::{DepthTolerance, Footprint};
 
 use bevy::app::{App, Plugin, PostUpdate};
 use bevy::camera::CameraUpdateSystems;
