@@ -31,7 +31,8 @@ pub struct SplatTintChange {
 #[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SplatTintSystems;
 
-/// Shows selections and parts: keeps [`SplatTint`] as [`SplatHighlight`] and [`DefaultSplatHighlight`] say.
+/// Shows selections and parts: keeps [`SplatTint`] as [`SplatHighlight`] and [`DefaultSplatHighlight`] say. Needs
+/// [`SplatAssetPlugin`](crate::asset::SplatAssetPlugin).
 ///
 /// A frame in which nothing changed costs nothing; one in which some Gaussians were selected costs these, and a copy of the
 /// tint while the renderer still has the former one.
@@ -39,8 +40,7 @@ pub struct SplatHighlightPlugin;
 
 impl Plugin for SplatHighlightPlugin {
     fn build(&self, app: &mut App) {
-        app.init_asset::<SplatCloud>()
-            .init_resource::<DefaultSplatHighlight>()
+        app.init_resource::<DefaultSplatHighlight>()
             .register_type::<(SplatHighlight, DefaultSplatHighlight)>()
             .add_systems(PostUpdate, update_tints.in_set(SplatTintSystems).after(SplatFitSystems));
     }
