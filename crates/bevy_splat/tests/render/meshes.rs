@@ -1,6 +1,7 @@
 //! Splats and meshes, opaque and transparent, in front of and behind each other.
 
 use bevy::camera::Hdr;
+use bevy::math::primitives::Rectangle;
 use bevy::prelude::*;
 use bevy::render::render_resource::TextureFormat;
 use bevy_splat::prelude::*;
@@ -102,7 +103,7 @@ fn transparent_meshes_stand_before_and_behind_splats() {
 }
 
 #[test]
-fn a_skybox_free_mesh_edge_stays_smooth_with_msaa() {
+fn edges_of_meshes_before_splats_stay_smooth_with_msaa() {
     if !device() {
         return;
     }
