@@ -67,6 +67,9 @@ impl Plugin for SplatSelectPlugin {
                     .after(SplatFitSystems)
                     .before(SplatTintSystems),
             )
-            .add_systems(PostUpdate, (apply::apply, make_part::answer).chain().in_set(SplatSelectSystems));
+            .add_systems(
+                PostUpdate,
+                (apply::apply, make_part::answer.run_if(on_message::<MakePart>)).chain().in_set(SplatSelectSystems),
+            );
     }
 }

@@ -46,6 +46,8 @@ pub enum SelectBy {
         footprint: Footprint,
     },
     /// Of that what lies at the depth that is seen: not what is behind a wall, nor behind another capture.
+    ///
+    /// Costs a frame on the CPU, of a megapixel at most: a larger picture is drawn smaller.
     Depth {
         /// A camera.
         camera: Entity,
@@ -56,7 +58,7 @@ pub enum SelectBy {
         /// How near to the seen depth.
         tolerance: DepthTolerance,
     },
-    /// Exactly the Gaussians that a pointer would hit in the shape's pixels.
+    /// Exactly the Gaussians that a pointer would hit in the shape's pixels. Costs as [`SelectBy::Depth`].
     Surface {
         /// A camera.
         camera: Entity,

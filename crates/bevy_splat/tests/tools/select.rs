@@ -42,7 +42,7 @@ fn hidden_and_locked_gaussians_and_those_of_others_are_never_added() {
     let ids: Vec<u32> = (0..len as u32).filter(|id| id % 11 != 0).collect();
     stage.app.world_mut().entity_mut(capture).insert(SplatSubset(ids.into()));
     stage.select(SelectMode::New, SelectBy::All);
-    let free = |i: usize| i % 5 != 0 && i % 7 != 0 && i % 11 != 0;
+    let free = |i: usize| [5, 7, 11].into_iter().all(|n| !i.is_multiple_of(n));
     assert_eq!(stage.selection(), Selection::from_fn(len, free));
     stage.select(SelectMode::Subtract, SelectBy::Set(every(2)));
     stage.select(SelectMode::New, SelectBy::Inverse);
