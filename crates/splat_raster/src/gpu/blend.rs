@@ -114,8 +114,54 @@ struct Step {
 /// The dispatches of a frame, ready to be recorded.
 #[derive(Debug)]
 pub(crate) struct Blender {
+    made_of: MadeOf,
     steps: Vec<Step>,
     tiles: u32,
+}
+
+/// What is bound and told to the shader: the same for the next frame, and nothing need be made anew.
+#[derive(Debug, PartialEq)]
+struct MadeOf {
+    /// Each at its own place.
+    buffers: [Option<wgpu::Buffer>; 14],
+    views: [Option<wgpu::TextureView>; 4],
+    numbers: [u32; 7],
+}
+
+impl MadeOf {
+    fn new(blending: &Blending<'_>) -> Self {
+        let Blending { lists, size, slots, targets: t } = *blending;
+        let r = lists.records;
+        let buffers = [
+            Some(lists.tile_ranges),
+            Some(lists.pair_slots),
+            Some(&r.mean),
+            Some(&r.shape_a),
+            Some(&r.shape_b),
+            Some(&r.color),
+            Some(&r.z),
+            t.hits.map(|h| h.0),
+            t.strongest,
+            t.visible.map(|v| v.0),
+            t.features.map(|f| f.0),
+            t.features.map(|f| f.1),
+            t.votes.map(|v| v.0),
+            t.votes.map(|v| v.1),
+        ];
+        Self {
+            buffers: buffers.map(Option::<&wgpu::Buffer>::cloned),
+            views: [t.color, t.median, t.expected, t.limit].map(Option::<&wgpu::TextureView>::cloned),
+            numbers: [
+                size[0],
+                size[1],
+                slots,
+                t.hits.map_or(0, |h| h.1.to_bits()),
+                t.visible.map_or(0, |v| v.1.to_bits()),
+                t.features.map_or(0, |f| f.2),
+                t.votes.map_or(0, |v| v.2),
+            ],
+        }
+    }
 }
 
 impl Blender {
@@ -160,7 +206,12 @@ impl Blender {
                 step(targets, BlendParams { mask, masks: (masks - mask).min(VOTE_MASKS), ..params })?;
             }
         }
-        Ok(Self { steps, tiles: params.tiles })
+        Ok(Self { made_of: MadeOf::new(blending), steps, tiles: params.tiles })
+    }
+
+    /// Whether it is what [`Blender::new`] would make of this.
+    pub(crate) fn serves(&self, blending: &Blending<'_>) -> bool {
+        self.made_of == MadeOf::new(blending)
     }
 
     /// Records the dispatches.

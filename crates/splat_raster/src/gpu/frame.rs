@@ -87,13 +87,14 @@ struct Picture {
 /// Working memory and results of one view.
 ///
 /// The lists of splats are kept from frame to frame: while scene and view stand still only the last stage is recorded.
-/// The instances of the last frame, and with them their clouds, are held until the next frame or [`GpuFrame::clear`].
+/// What the last frame was made of (its clouds, masks, limit) is held until the next frame or [`GpuFrame::clear`].
 ///
 /// How many pairs of tile and splat a frame needs is known only afterwards. It reaches the host some frames later and room
 /// is made then; until that the farthest splats of crowded tiles are missing, and [`GpuFrame::is_complete`] says so.
 #[derive(Debug)]
 pub struct GpuFrame {
     lists: Lists,
+    blender: Option<Blender>,
     echo: Echo,
     clock: Option<Clock>,
     timings: Option<GpuTimings>,
@@ -118,6 +119,7 @@ impl GpuFrame {
         Self {
             echo: Echo::new(context, lists.counters().size() + STAMP_BYTES),
             lists,
+            blender: None,
             clock,
             timings: None,
             counted: Counted::default(),
@@ -185,7 +187,10 @@ impl GpuFrame {
             limit: request.limit,
         };
         let blending = Blending { lists, size: [view.width, view.height], slots, targets };
-        let blender = Blender::new(&gpu.context, &gpu.stages.blend, &blending)?;
+        let blender = match self.blender.take().filter(|known| known.serves(&blending)) {
+            Some(known) => known,
+            None => Blender::new(&gpu.context, &gpu.stages.blend, &blending)?,
+        };
         for sums in [targets.visible.map(|v| v.0), targets.votes.map(|v| v.1)].into_iter().flatten() {
             encoder.clear_buffer(sums, 0, None);
         }
@@ -193,7 +198,7 @@ impl GpuFrame {
         if stale {
             self.lists.encode(&gpu.stages, encoder, clock);
         }
-        blender.encode(&mut Clock::pass(clock, encoder, GpuStage::Blend));
+        self.blender.insert(blender).encode(&mut Clock::pass(clock, encoder, GpuStage::Blend));
         if let Some(clock) = clock {
             clock.resolve(encoder, stale);
             self.echo.copy(encoder, &[self.lists.counters(), &clock.stamps]);

@@ -136,3 +136,25 @@ fn what_does_not_fit_is_told_and_the_next_frame_is_drawn() {
     draw(&gpu, &mut frame, &instances, &view, &COLOR);
     assert_eq!(frame.color().unwrap().width(), 40);
 }
+
+#[test]
+fn what_is_kept_from_frame_to_frame_serves_no_other_request() {
+    let Some(gpu) = gpu(false) else { return };
+    // Faint splats, one behind the other: each tau is reached at another one.
+    let instances = [GpuInstance::new(cloud(&gpu, 200, 50.0))];
+    let view = view(20, 10);
+    let mut kept = GpuFrame::new(&gpu);
+    let hits = |frame: Option<&mut GpuFrame>, tau: f32| {
+        let mut fresh = GpuFrame::new(&gpu);
+        let frame = frame.unwrap_or(&mut fresh);
+        draw(&gpu, frame, &instances, &view, &GpuRequest { first_hits: Some(tau), ..GpuRequest::default() });
+        gpu.context.read::<u32>(frame.first_hits().unwrap(), 200).unwrap()
+    };
+    let mut seen = std::collections::BTreeSet::new();
+    for tau in [0.5, 0.5, 0.1, 0.7, 0.5] {
+        let found = hits(Some(&mut kept), tau);
+        assert_eq!(found, hits(None, tau), "tau {tau}");
+        seen.insert(found[105]);
+    }
+    assert_eq!(seen.len(), 3, "{seen:?}");
+}
