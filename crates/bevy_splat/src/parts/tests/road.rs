@@ -148,6 +148,20 @@ fn parts_despawned_together_come_back_one_by_one() {
 }
 
 #[test]
+fn a_link_to_a_despawned_part_leads_to_who_keeps_its_gaussians() {
+    let (mut app, capture) = scene();
+    let before = state(app.world(), capture);
+    let chair = extract(&mut app, capture, CHAIR);
+    let seat = extract(&mut app, chair, SEAT);
+    app.world_mut().despawn(chair);
+    // As somebody would write who still has the former link.
+    app.world_mut().entity_mut(seat).insert(PartOf(chair));
+    assert_eq!(restore(&mut app, seat), capture);
+    assert_eq!(restore(&mut app, chair), capture);
+    assert_eq!(state(app.world(), capture), before);
+}
+
+#[test]
 fn a_part_outlives_its_capture() {
     let (mut app, capture) = scene();
     let chair = extract(&mut app, capture, CHAIR);
