@@ -1,6 +1,10 @@
 //! Every example draws its story without a window: `--shot` gives a picture that is not blank, and wgpu has nothing to say.
 
-#![expect(clippy::print_stdout, reason = "what is skipped is told")]
+#![expect(
+    clippy::unwrap_used,
+    clippy::print_stdout,
+    reason = "a test ends where something is missing, and tells what it skips"
+)]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

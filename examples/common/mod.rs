@@ -1,7 +1,8 @@
 //! What the examples share: a window, or with `--shot FILE` one picture and no window.
 //!
 //! ```text
-//! cargo run --release --example view -- [SCENE] [--shot FILE] [--size 960x540] [--after FRAMES] [--click 0.44,0.84]
+//! cargo run --release --example view -- [SCENE] [--camera FILE#N] [--shot FILE] [--size 960x540]
+//!     [--after FRAMES] [--click 0.44,0.84] [--fps]
 //! ```
 
 #![allow(dead_code, unreachable_pub, reason = "every example is a crate of its own and takes what it needs")]
@@ -19,6 +20,7 @@ use bevy::render::view::screenshot::{Screenshot, ScreenshotCaptured, save_to_dis
 use bevy::window::{ExitCondition, WindowResolution};
 use bevy::winit::WinitPlugin;
 use bevy_splat::prelude::*;
+use splat_core::View;
 
 /// The generated room of this repository, below `assets/`.
 pub const ROOM: &str = "room/scene.spz";
@@ -32,6 +34,10 @@ pub struct Args {
     pub shot: Option<PathBuf>,
     /// Pixels across and down.
     pub size: UVec2,
+    /// A view of the capture's own space to stand at instead of the example's place.
+    pub view: Option<View>,
+    /// Whether to turn the camera and print frames per second.
+    pub fps: bool,
     /// Where the example clicks by itself, as shares of the picture.
     pub click: Vec2,
     /// Frames between the loaded scene and the picture.
@@ -40,8 +46,15 @@ pub struct Args {
 
 impl Args {
     fn parse() -> Self {
-        let mut args =
-            Self { scene: ROOM.into(), shot: None, size: UVec2::new(960, 540), click: Vec2::new(0.44, 0.84), after: 4 };
+        let mut args = Self {
+            scene: ROOM.into(),
+            shot: None,
+            size: UVec2::new(960, 540),
+            view: None,
+            fps: false,
+            click: Vec2::new(0.44, 0.84),
+            after: 4,
+        };
         let mut words = std::env::args().skip(1);
         while let Some(word) = words.next() {
             let mut value = || words.next().unwrap_or_else(|| misused(&format!("{word} needs a value")));
@@ -50,9 +63,12 @@ impl Args {
                 "--click" => {
                     let text = value();
                     let at = text.split_once(',').and_then(|(x, y)| Some((x.parse().ok()?, y.parse().ok()?)));
-                    let (x, y) = at.unwrap_or_else(|| misused("--click needs shares of the picture, such as 0.44,0.84"));
+                    let (x, y) =
+                        at.unwrap_or_else(|| misused("--click needs shares of the picture, such as 0.44,0.84"));
                     args.click = Vec2::new(x, y);
                 }
+                "--fps" => args.fps = true,
+                "--camera" => args.view = Some(camera(&value())),
                 "--after" => {
                     args.after = value().parse().unwrap_or_else(|_| misused("--after needs a count of frames"))
                 }
@@ -70,8 +86,16 @@ impl Args {
     }
 }
 
+/// A view of a camera file, such as `cameras.json#9`.
+fn camera(name: &str) -> View {
+    let (file, number) = name.rsplit_once('#').unwrap_or((name, "0"));
+    let views = splat_io::cameras::read(file).unwrap_or_else(|error| misused(&error.to_string())).views;
+    let view = number.parse::<usize>().ok().and_then(|k| views.get(k));
+    view.unwrap_or_else(|| misused(&format!("{file} has cameras 0 to {}", views.len().saturating_sub(1)))).view
+}
+
 fn misused(what: &str) -> ! {
-    error_line(&format!("{what}; usage: [SCENE] [--shot FILE] [--size 960x540] [--after FRAMES] [--click 0.44,0.84]"));
+    error_line(&format!("{what}; usage: [SCENE] [--camera FILE#N] [--shot FILE] [--size 960x540] [--fps]"));
     std::process::exit(2)
 }
 
@@ -114,9 +138,39 @@ pub fn app() -> App {
             Window { title: "splat".into(), resolution: WindowResolution::new(args.size.x, args.size.y), ..default() };
         app.add_plugins(DefaultPlugins.set(WindowPlugin { primary_window: Some(window), ..default() }).set(assets));
         app.add_plugins(bevy::camera_controller::free_camera::FreeCameraPlugin);
+        if args.fps {
+            app.add_systems(Update, (turn, tell_frames));
+        }
     }
+    app.add_systems(PostStartup, stand);
     app.add_plugins(BevySplatPlugins).insert_resource(args).insert_resource(Ready(true));
     app
+}
+
+/// Stands where the command line says.
+fn stand(args: Res<Args>, mut cameras: Query<(&mut Transform, &mut Projection), With<Camera3d>>) {
+    let Some(view) = &args.view else { return };
+    for (mut transform, mut projection) in &mut cameras {
+        *transform = SplatCameras::transform(view, &UPRIGHT);
+        *projection = SplatCameras::projection(view).into();
+    }
+}
+
+/// Looks to and fro, so that every frame is another one.
+fn turn(time: Res<Time>, mut cameras: Query<&mut Transform, With<Camera3d>>) {
+    for mut transform in &mut cameras {
+        transform.rotate_y(0.1 * time.delta_secs() * (0.5 * time.elapsed_secs()).cos());
+    }
+}
+
+fn tell_frames(time: Res<Time<Real>>, mut from: Local<(f64, u32)>) {
+    let (began, frames) = &mut *from;
+    *frames += 1;
+    let past = time.elapsed_secs_f64() - *began;
+    if past > 5.0 {
+        info!("{:.1} frames per second", f64::from(*frames) / past);
+        *from = (time.elapsed_secs_f64(), 0);
+    }
 }
 
 /// The picture that cameras draw into where there is no window.
@@ -158,11 +212,8 @@ fn aim(
 /// Takes the picture once every capture is there, and ends the app when it is written.
 fn shoot(
     mut commands: Commands,
-    args: Res<Args>,
-    ready: Res<Ready>,
-    canvas: Option<Res<Canvas>>,
-    server: Res<AssetServer>,
-    clouds: Res<Assets<SplatCloud>>,
+    (args, ready, canvas): (Res<Args>, Res<Ready>, Option<Res<Canvas>>),
+    (server, clouds): (Res<AssetServer>, Res<Assets<SplatCloud>>),
     splats: Query<&Splats>,
     mut frames: Local<u32>,
     mut exit: MessageWriter<AppExit>,

@@ -17,7 +17,7 @@ const TAU: f32 = 0.5;
 fn agree(what: &str, scene: &Scene, view: &View, limit: Option<&[f32]>, step: usize) {
     let mut frame = Frame::default();
     let outputs = Outputs { first_hits: Some(TAU), median_depth: true, limit, ..Outputs::default() };
-    CpuRasterizer::new().draw(scene, view, &outputs, &mut frame).unwrap();
+    CpuRasterizer::new().draw(scene, view, &outputs, &mut frame).expect("a frame");
     let indices: Vec<PickIndex> = scene.instances.iter().map(|i| PickIndex::new(&i.cloud)).collect();
     let indices: Vec<Option<&PickIndex>> = indices.iter().map(Some).collect();
     let (mut tried, mut differ, mut hits) = (0, 0, 0);
@@ -26,9 +26,9 @@ fn agree(what: &str, scene: &Scene, view: &View, limit: Option<&[f32]>, step: us
     for p in (0..frame.first_hits.len()).step_by(step) {
         let pixel = Vec2::new((p % view.width as usize) as f32 + 0.3, (p / view.width as usize) as f32 + 0.8);
         let query = PickQuery { pixel, tau: TAU, limit: limit.map_or(f32::INFINITY, |l| l[p]) };
-        let found = pick(scene, &indices, view, query).unwrap();
+        let found = pick(scene, &indices, view, query).expect("a pick");
         if tried % rarely == 0 {
-            assert_eq!(found, pick(scene, &[], view, query).unwrap(), "{what}: without an index at {pixel}");
+            assert_eq!(found, pick(scene, &[], view, query).expect("a pick"), "{what}: without an index at {pixel}");
         }
         tried += 1;
         hits += usize::from(found.is_some());

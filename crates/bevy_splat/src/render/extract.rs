@@ -179,13 +179,14 @@ pub(super) fn calculate_bounds(
     }
 }
 
-/// The box around all drawable Gaussians, each with three times its largest scale.
+/// The box around all drawable Gaussians, each with as much around it as can be seen.
 fn bounds(cloud: &Cloud, subset: Option<&[u32]>) -> Aabb {
     let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
     let mut add = |i: usize| {
         if cloud.drawable(i) {
             // Beyond this a float's square overflows, and with it Bevy's own culling.
-            let reach = Vec3A::splat((3.0 * cloud.log_scales()[i].max_element().exp()).min(1e15));
+            // Where the most opaque one falls under 1/255: sqrt(2 ln 255).
+            let reach = Vec3A::splat((3.33 * cloud.log_scales()[i].max_element().exp()).min(1e15));
             let mean = Vec3A::from(cloud.means()[i]).clamp(Vec3A::splat(-1e15), Vec3A::splat(1e15));
             low = low.min(mean - reach);
             high = high.max(mean + reach);
