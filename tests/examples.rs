@@ -1,10 +1,6 @@
 //! Every example draws its story without a window: `--shot` gives a picture that is not blank, and wgpu has nothing to say.
 
-#![expect(
-    clippy::unwrap_used,
-    clippy::print_stdout,
-    reason = "a test ends where something is missing, and tells what it skips"
-)]
+#![expect(clippy::unwrap_used, reason = "a test ends where something is missing")]
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
