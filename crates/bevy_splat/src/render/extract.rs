@@ -179,14 +179,16 @@ pub(super) fn calculate_bounds(
     }
 }
 
+/// Standard deviations at which the most opaque Gaussian falls under 1/255: `sqrt(2 ln 255)`.
+const REACH: f32 = 3.33;
+
 /// The box around all drawable Gaussians, each with as much around it as can be seen.
 fn bounds(cloud: &Cloud, subset: Option<&[u32]>) -> Aabb {
     let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
     let mut add = |i: usize| {
         if cloud.drawable(i) {
             // Beyond this a float's square overflows, and with it Bevy's own culling.
-            // Where the most opaque one falls under 1/255: sqrt(2 ln 255).
-            let reach = Vec3A::splat((3.33 * cloud.log_scales()[i].max_element().exp()).min(1e15));
+            let reach = Vec3A::splat((REACH * cloud.log_scales()[i].max_element().exp()).min(1e15));
             let mean = Vec3A::from(cloud.means()[i]).clamp(Vec3A::splat(-1e15), Vec3A::splat(1e15));
             low = low.min(mean - reach);
             high = high.max(mean + reach);
@@ -242,9 +244,9 @@ mod tests {
         let three = cloud(vec![Vec3::ZERO, Vec3::X, Vec3::splat(f32::NAN), Vec3::new(0.0, 9.0, 0.0)]);
         let all = bounds(&three, None);
         let near = |a: Vec3A, b: Vec3A| a.distance(b) < 1e-3;
-        assert!(near(all.min(), Vec3A::splat(-3.0)) && near(all.max(), Vec3A::new(4.0, 12.0, 3.0)));
+        assert!(near(all.min(), Vec3A::splat(-REACH)) && near(all.max(), Vec3A::new(1.0, 9.0, 0.0) + REACH));
         let some = bounds(&three, Some(&[0, 1]));
-        assert!(near(some.max(), Vec3A::new(4.0, 3.0, 3.0)));
+        assert!(near(some.max(), Vec3A::X + REACH));
         assert_eq!(bounds(&cloud(vec![]), None).half_extents, Vec3A::ZERO);
         let far = bounds(&cloud(vec![Vec3::splat(1e38), Vec3::ZERO]), None);
         assert!(far.half_extents.is_finite() && far.min().max_element() < -1e9, "{far:?}");
