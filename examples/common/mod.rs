@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! cargo run --release --example view -- [SCENE] [--camera FILE#N] [--shot FILE] [--size 960x540]
-//!     [--after FRAMES] [--click 0.44,0.84] [--fps]
+//!     [--after FRAMES] [--click 0.43,0.9] [--fps]
 //! ```
 
 #![allow(dead_code, unreachable_pub, reason = "every example is a crate of its own and takes what it needs")]
@@ -52,7 +52,7 @@ impl Args {
             size: UVec2::new(960, 540),
             view: None,
             fps: false,
-            click: Vec2::new(0.44, 0.84),
+            click: Vec2::new(0.43, 0.9),
             after: 4,
         };
         let mut words = std::env::args().skip(1);
@@ -63,8 +63,7 @@ impl Args {
                 "--click" => {
                     let text = value();
                     let at = text.split_once(',').and_then(|(x, y)| Some((x.parse().ok()?, y.parse().ok()?)));
-                    let (x, y) =
-                        at.unwrap_or_else(|| misused("--click needs shares of the picture, such as 0.44,0.84"));
+                    let (x, y) = at.unwrap_or_else(|| misused("--click needs shares of the picture, such as 0.43,0.9"));
                     args.click = Vec2::new(x, y);
                 }
                 "--fps" => args.fps = true,
