@@ -1,6 +1,6 @@
 //! Tools that turn pointer input into selections: rectangle, lasso, brush.
 //!
-//! A tool says which shape a gesture means and nothing else; the shape goes out as a [`SelectRequest`](crate::select::SelectRequest)
+//! A tool says which shape a gesture means and nothing else; the shape goes out as a [`SelectRequest`]
 //! like that of any script. Pointers are `bevy_picking`'s, so a mouse, a finger and a test do the same: they write
 //! `PointerInput` messages.
 //!
