@@ -279,10 +279,11 @@ fn blend_tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
                 let e = a.z * (center_x - (a.x + a.w * dy));
                 let f = b.x * dy;
                 let alpha = min(exp2(b.y - f * f - e * e), vec4<f32>(LARGEST_ALPHA));
-                var drawn = live & (alpha >= vec4<f32>(SMALLEST_ALPHA));
 //#if LIMIT
-                drawn = drawn & (vec4<f32>(b.z) < farthest);
+                // What comes later is deeper still: the pixel ends.
+                live = live & (vec4<f32>(b.z) < farthest);
 //#end
+                var drawn = live & (alpha >= vec4<f32>(SMALLEST_ALPHA));
                 if !any(drawn) {
                     continue;
                 }
@@ -324,7 +325,8 @@ fn blend_tile(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation
                 }
 //#end
 //#if VOTES
-                let units = vec4<u32>(weight * VOTE_SCALE + 0.5);
+                // To even at ties, as the CPU rounds.
+                let units = vec4<u32>(round(weight * VOTE_SCALE));
                 atomicAdd(&batch_total[k], units.x + units.y + units.z + units.w);
                 for (var m = 0u; m < blend.masks; m++) {
                     let votes_for = units * mask[m];
