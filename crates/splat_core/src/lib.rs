@@ -66,6 +66,7 @@ pub mod bounds;
 mod cloud;
 pub mod color;
 mod criterion;
+pub mod deform;
 mod delta;
 mod mask;
 mod neighbours;
