@@ -59,6 +59,8 @@
 pub mod asset;
 pub mod components;
 pub mod parts;
+#[cfg(feature = "physics")]
+pub mod physics;
 pub mod picking;
 mod placed;
 mod plugins;

@@ -1,0 +1,47 @@
+//! Parts as bodies, in SI units: one unit of Bevy's world is a metre.
+//!
+//! A component on the entity of a part, or on a capture, is a wish; the body is set up in the background, and
+//! [`PartPhysicsStatus`] tells how far it is, what it was made of, or in a sentence why there is none.
+
+mod jobs;
+mod status;
+
+use bevy::prelude::*;
+
+pub use status::{
+    PartBody, PartPhysicsError, PartPhysicsFailed, PartPhysicsReady, PartPhysicsReport, PartPhysicsStatus,
+    PartPhysicsWarning,
+};
+
+/// When bodies are set up and moved.
+///
+/// `Setup` is in `Update`. The others follow each other in `FixedPostUpdate`, before transforms are propagated. Beside
+/// avian3d they are a part of its tick: after its `Prepare`, before and after its `StepSimulation`, within its `Writeback`.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SplatPhysicsSystems {
+    /// Work is begun, ended, and its results are given to entities; in `Update`.
+    Setup,
+    /// What bodies touch is read.
+    Prepare,
+    /// Elastic bodies are moved, and push what they touch.
+    Step,
+    /// What has moved is told to `Transform`s and to what draws.
+    Writeback,
+}
+
+/// Bodies of parts: materials, scale, the ground that is left of a capture, and elastic parts; rigid parts with avian3d.
+///
+/// Needs [`SplatAssetPlugin`](crate::asset::SplatAssetPlugin) and [`SplatPartsPlugin`](crate::parts::SplatPartsPlugin). Nothing
+/// runs for entities that ask for no body.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct SplatPhysicsPlugin;
+
+impl Plugin for SplatPhysicsPlugin {
+    fn build(&self, app: &mut App) {
+        use SplatPhysicsSystems::{Prepare, Setup, Step, Writeback};
+        app.add_message::<PartPhysicsReady>()
+            .add_message::<PartPhysicsFailed>()
+            .configure_sets(Update, Setup)
+            .configure_sets(FixedPostUpdate, (Prepare, Step, Writeback).chain().before(TransformSystems::Propagate));
+    }
+}
