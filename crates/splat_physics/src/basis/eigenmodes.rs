@@ -48,7 +48,7 @@ pub(super) fn weights(
     progress.report(0.3);
     let pieces = Indicators::new(cage, &pencil);
     let wanted = handles - pieces.columns.ncols();
-    let modes = lowest(&pencil, &factor, SHIFT * least, &pieces.columns, wanted + PARTNERS, seed, progress)?;
+    let modes = lowest(&pencil, &factor, SHIFT * least, &pieces.columns, (wanted, PARTNERS), seed, progress)?;
     let kept = cut(&modes.values, wanted);
     let weights = assemble(cage, &pencil, &pieces, &modes, kept);
     progress.report(1.0);

@@ -9,10 +9,16 @@ use faer::{Accum, Mat, Par, Side};
 use super::pencil::{Factor, Pencil};
 use super::{BasisError, Progress, random};
 
-/// Columns that are solved for at once; modes that share an eigenvalue are found if they are not more than these.
-const BLOCK: usize = 16;
+/// Columns that are solved for at once for each piece: as many modes of one value are found in it. More at once cost more altogether.
+const BLOCK: usize = 8;
 /// Residual of `M^-1 K`'s inverse, relative to the eigenvalue, below which a mode is good; its eigenvalue is good to the square.
-const GOOD: f64 = 1e-4;
+const GOOD: f64 = 1e-3;
+/// The same for modes that only tell where to stop.
+const FAIR: f64 = 1e-2;
+/// Columns between two looks at what has been found.
+const LOOK: usize = 16;
+/// Columns that there is room for at first.
+const ROOM: usize = 160;
 /// A column whose length falls below this part of what it was depends on the others.
 const DEPENDENT: f64 = 1e-8;
 
@@ -25,7 +31,7 @@ pub(super) struct Modes {
     pub(super) solutions: usize,
 }
 
-/// The `wanted` lowest modes that are orthogonal to `known`, or as many as there are.
+/// The `wanted` lowest modes that are orthogonal to `known`, and `more` with less care, or as many as there are.
 ///
 /// `known`: `M`-orthonormal modes of the value 0. `shift`: positive; the factor is that of `K + shift M`.
 pub(super) fn lowest(
@@ -33,15 +39,18 @@ pub(super) fn lowest(
     factor: &Factor,
     shift: f64,
     known: &Mat<f64>,
-    wanted: usize,
+    (wanted, more): (usize, usize),
     seed: u64,
     progress: &dyn Progress,
 ) -> Result<Modes, BasisError> {
-    let wanted = wanted.min(pencil.len() - known.ncols());
+    let all = pencil.len() - known.ncols();
+    let (careful, wanted) = (wanted.min(all), (wanted + more).min(all));
     let mut space = Space::new(pencil, known);
     let mut solutions = 0;
     let mut draws = 0;
-    space.draw(BLOCK.min(wanted), seed, &mut draws);
+    let (mut looked, mut share) = (0, 0.0_f32);
+    let width = (BLOCK * known.ncols().max(1)).min(wanted);
+    space.draw(width, seed, &mut draws);
     loop {
         if progress.cancelled() {
             return Err(BasisError::Cancelled);
@@ -50,23 +59,22 @@ pub(super) fn lowest(
         solutions += block.count;
         let image = space.image(factor, block);
         let residual = space.extend(image);
-        let found = space.size();
-        let complete = found - space.next_count() >= wanted;
+        let found = space.size() - space.next_count();
         let ended = space.next_count() == 0;
-        if complete || ended {
+        if found >= wanted && (ended || found >= looked + LOOK) {
+            looked = found;
             let ritz = space.ritz(&residual)?;
-            let good = |k: usize| ritz.residuals[k] <= GOOD * ritz.values[k];
-            let done = ritz.values.len() >= wanted && (ended || (0..wanted).all(good));
-            if done || found >= pencil.len() - known.ncols() && ended {
+            let good = |k: usize| ritz.residuals[k] <= ritz.values[k] * if k < careful { GOOD } else { FAIR };
+            let count = (0..wanted).filter(|&k| good(k)).count();
+            if count == wanted || ended {
                 return Ok(space.modes(&ritz, wanted, shift, solutions));
             }
-            // The last of the wanted ones comes last.
-            let share = (0..wanted.min(ritz.values.len())).filter(|&k| good(k)).count() as f32 / wanted as f32;
+            share = share.max(count as f32 / wanted as f32);
             progress.report(0.3 + 0.65 * share);
         }
         if ended {
             // A start that lay in too few modes: go on with another.
-            space.draw(BLOCK.min(wanted), seed, &mut draws);
+            space.draw(width, seed, &mut draws);
             if space.next_count() == 0 {
                 return Err(BasisError::Numerical { what: "the modes of the cage did not converge" });
             }
@@ -107,7 +115,10 @@ impl<'a> Space<'a> {
         let mut mq = Mat::zeros(known.nrows(), known.ncols());
         pencil.mass_times(known.as_ref(), mq.as_mut());
         let used = known.ncols();
-        Self { pencil, known: used, q: known.clone(), mq, used, blocks: Vec::new(), t: Mat::zeros(0, 0) }
+        let mut q = known.clone();
+        q.reserve(pencil.len(), used + ROOM);
+        mq.reserve(pencil.len(), used + ROOM);
+        Self { pencil, known: used, q, mq, used, blocks: Vec::new(), t: Mat::zeros(0, 0) }
     }
 
     /// Columns after `known`.
@@ -128,7 +139,7 @@ impl<'a> Space<'a> {
         if self.blocks.last().is_some_and(|block| block.count == 0) {
             self.blocks.pop();
         }
-        self.append(x, 0);
+        self.append(x);
     }
 
     /// The operator on a block.
@@ -156,7 +167,7 @@ impl<'a> Space<'a> {
                 self.t[(first + row, first + column)] = 0.5 * (a + b);
             }
         }
-        let residual = self.append(image, block.count);
+        let residual = self.append(image);
         self.grow_t();
         let next = self.used - self.known - residual.nrows();
         for row in 0..residual.nrows() {
@@ -171,7 +182,7 @@ impl<'a> Space<'a> {
     /// Makes columns orthonormal to all and among each other, and adds those that are left as a block.
     ///
     /// Gives the coefficients of the columns in the new block.
-    fn append(&mut self, mut x: Mat<f64>, _from: usize) -> Mat<f64> {
+    fn append(&mut self, mut x: Mat<f64>) -> Mat<f64> {
         let (n, width) = (x.nrows(), x.ncols());
         let mut mx = Mat::zeros(n, width);
         let lengths: Vec<f64> = {
@@ -181,7 +192,7 @@ impl<'a> Space<'a> {
         let mut along = Mat::zeros(self.used, width);
         matmul(along.as_mut(), Accum::Replace, self.mq.subcols(0, self.used).transpose(), x.as_ref(), 1.0, Par::Seq);
         matmul(x.as_mut(), Accum::Add, self.q.subcols(0, self.used), along.as_ref(), -1.0, Par::Seq);
-        matmul(mx.as_mut(), Accum::Add, self.mq.subcols(0, self.used), along.as_ref(), -1.0, Par::Seq);
+        self.pencil.mass_times(x.as_ref(), mx.as_mut());
         let mut coefficients = Mat::<f64>::zeros(width, width);
         let mut kept: Vec<usize> = Vec::new();
         for c in 0..width {
