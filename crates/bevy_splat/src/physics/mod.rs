@@ -2,12 +2,20 @@
 //!
 //! A component on the entity of a part, or on a capture, is a wish; the body is set up in the background, and
 //! [`PartPhysicsStatus`] tells how far it is, what it was made of, or in a sentence why there is none.
+//!
+//! | component | on | what it makes of it |
+//! |---|---|---|
+//! | [`CaptureScale`] | a capture | metres: its scale, and that of its parts |
+//!
+//! The Gaussians are never touched: [`restore_part`](crate::SplatPartCommands::restore_part) gives the capture back bit for bit.
 
 mod jobs;
+mod scale;
 mod status;
 
 use bevy::prelude::*;
 
+pub use scale::{CaptureScale, ScaleSource};
 pub use status::{
     PartBody, PartPhysicsError, PartPhysicsFailed, PartPhysicsReady, PartPhysicsReport, PartPhysicsStatus,
     PartPhysicsWarning,
@@ -29,6 +37,14 @@ pub enum SplatPhysicsSystems {
     Writeback,
 }
 
+/// Within [`SplatPhysicsSystems::Setup`]: parts wait for what they may stand on.
+#[derive(SystemSet, Clone, Copy, Debug, PartialEq, Eq, Hash)]
+enum SetupSystems {
+    Scale,
+    Ground,
+    Parts,
+}
+
 /// Bodies of parts: materials, scale, the ground that is left of a capture, and elastic parts; rigid parts with avian3d.
 ///
 /// Needs [`SplatAssetPlugin`](crate::asset::SplatAssetPlugin) and [`SplatPartsPlugin`](crate::parts::SplatPartsPlugin). Nothing
@@ -39,9 +55,14 @@ pub struct SplatPhysicsPlugin;
 impl Plugin for SplatPhysicsPlugin {
     fn build(&self, app: &mut App) {
         use SplatPhysicsSystems::{Prepare, Setup, Step, Writeback};
-        app.add_message::<PartPhysicsReady>()
+        app.register_type::<CaptureScale>()
+            .add_message::<PartPhysicsReady>()
             .add_message::<PartPhysicsFailed>()
-            .configure_sets(Update, Setup)
-            .configure_sets(FixedPostUpdate, (Prepare, Step, Writeback).chain().before(TransformSystems::Propagate));
+            .configure_sets(
+                Update,
+                (SetupSystems::Scale, SetupSystems::Ground, SetupSystems::Parts).chain().in_set(Setup),
+            )
+            .configure_sets(FixedPostUpdate, (Prepare, Step, Writeback).chain().before(TransformSystems::Propagate))
+            .add_systems(Update, scale::apply.in_set(SetupSystems::Scale));
     }
 }

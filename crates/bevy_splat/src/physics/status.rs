@@ -167,6 +167,12 @@ pub enum PartPhysicsError {
     /// Its Gaussians enclose no solid, no surface, or no shape; or the body cannot be set up.
     #[error("{0}")]
     Setup(Arc<dyn std::error::Error + Send + Sync>),
+    /// No collider fits its solid.
+    #[error("no box, ball, hull or voxels fit the part: it is flat, or too small for 32-bit numbers; check its scale")]
+    NoShape,
+    /// It weighs nothing.
+    #[error("the part has no mass, or more or less than 32-bit numbers hold; check its density and its scale")]
+    NoMass,
     /// Rigid bodies need an engine.
     #[error("rigid parts need avian3d: add PhysicsPlugins, and SplatAvianPlugin if it was added later")]
     NoEngine,
