@@ -16,11 +16,16 @@ mod pencil;
 mod pieces;
 mod progress;
 mod random;
+mod simplicits;
+#[cfg(test)]
+mod tests;
+mod volume;
 
 pub use cage::{PartCage, RegionShare};
 pub use error::BasisError;
 pub use kind::{BasisKind, SimplicitsSettings};
 pub use progress::{NoProgress, Progress};
+pub use simplicits::{SimplicitsState, SimplicitsTraining};
 
 use crate::Material;
 
@@ -100,7 +105,7 @@ pub fn skinning_weights(
     }
     match kind {
         BasisKind::Eigenmodes { exponent } => eigenmodes::weights(cage, materials, handles, *exponent, seed, progress),
-        BasisKind::Simplicits(_) => Err(BasisError::Numerical { what: "" }),
+        BasisKind::Simplicits(settings) => simplicits::weights(cage, materials, handles, settings, seed, progress),
         BasisKind::Affine => Ok(BasisWeights::affine(cage)),
     }
 }

@@ -38,7 +38,7 @@ impl Pencil {
         for (row, &node) in node_of_row.iter().enumerate() {
             row_of_node[node as usize] = row as u32;
         }
-        let (element_stiffness, element_mass) = elements();
+        let (element_stiffness, element_mass) = (element_stiffness(), element_mass());
         // Entries of a node with its 27 neighbours, itself among them.
         let mut stencils = vec![[0.0_f64; 54]; node_of_row.len()];
         for cell in (0..cage.active.len()).filter(|&cell| cage.active[cell]) {
@@ -88,6 +88,12 @@ impl Pencil {
     /// `out = M x`, by columns.
     pub(super) fn mass_times(&self, x: MatRef<'_, f64>, out: MatMut<'_, f64>) {
         self.times(&self.mass, x, out);
+    }
+
+    /// `out = K x`, by columns.
+    #[cfg(test)]
+    pub(super) fn stiffness_times(&self, x: MatRef<'_, f64>, out: MatMut<'_, f64>) {
+        self.times(&self.stiffness, x, out);
     }
 
     fn times(&self, values: &[f64], x: MatRef<'_, f64>, mut out: MatMut<'_, f64>) {
@@ -170,20 +176,29 @@ impl Factor {
     }
 }
 
-/// Stiffness and mass of a trilinear cell of side 1: products of those of a line's.
-fn elements() -> ([[f64; 8]; 8], [[f64; 8]; 8]) {
-    let slope = |a: usize, b: usize| if a == b { 1.0 } else { -1.0 };
-    let mass = |a: usize, b: usize| if a == b { 1.0 / 3.0 } else { 1.0 / 6.0 };
-    let mut elements = ([[0.0; 8]; 8], [[0.0; 8]; 8]);
-    for a in 0..8 {
-        for b in 0..8 {
-            let (x, y, z) = ((a & 1, b & 1), (a >> 1 & 1, b >> 1 & 1), (a >> 2, b >> 2));
-            let (mx, my, mz) = (mass(x.0, x.1), mass(y.0, y.1), mass(z.0, z.1));
-            elements.0[a][b] = slope(x.0, x.1) * my * mz + mx * slope(y.0, y.1) * mz + mx * my * slope(z.0, z.1);
-            elements.1[a][b] = mx * my * mz;
-        }
-    }
-    elements
+/// One of the two of a line of length 1, for ends that are the same or not.
+fn line(same: f64, other: f64) -> impl Fn(usize, usize) -> f64 {
+    move |a, b| if a == b { same } else { other }
+}
+
+/// By corners `a`, `b` of a cell: products of what `x`, `y` and `z` of them give.
+fn products(of: impl Fn([(usize, usize); 3]) -> f64) -> [[f64; 8]; 8] {
+    std::array::from_fn(|a| std::array::from_fn(|b| of([0, 1, 2].map(|axis| (a >> axis & 1, b >> axis & 1)))))
+}
+
+/// `integral N_a N_b` of a trilinear cell of side 1.
+pub(super) fn element_mass() -> [[f64; 8]; 8] {
+    let mass = line(1.0 / 3.0, 1.0 / 6.0);
+    products(|[x, y, z]| mass(x.0, x.1) * mass(y.0, y.1) * mass(z.0, z.1))
+}
+
+/// `integral grad N_a . grad N_b` of a trilinear cell of side 1.
+fn element_stiffness() -> [[f64; 8]; 8] {
+    let (mass, slope) = (line(1.0 / 3.0, 1.0 / 6.0), line(1.0, -1.0));
+    products(|[x, y, z]| {
+        let (mx, my, mz) = (mass(x.0, x.1), mass(y.0, y.1), mass(z.0, z.1));
+        slope(x.0, x.1) * my * mz + mx * slope(y.0, y.1) * mz + mx * my * slope(z.0, z.1)
+    })
 }
 
 /// Active nodes in the order of nested dissection (George 1973): both halves of the grid first, then the plane between them.
@@ -200,36 +215,24 @@ fn dissect_box(nodes: UVec3, low: UVec3, high: UVec3, active: &[bool], order: &m
     }
     let longest = (0..3).max_by_key(|&axis| size[axis]).unwrap_or(0);
     if size[longest] <= 3 {
-        for z in low.z..high.z {
-            for y in low.y..high.y {
-                for x in low.x..high.x {
-                    let node = x + nodes.x * (y + nodes.y * z);
-                    if active[node as usize] {
-                        order.push(node);
-                    }
-                }
-            }
-        }
+        list(nodes, low, high, active, order);
         return;
     }
     let middle = low[longest] + size[longest] / 2;
-    let cut = |low: u32, high: u32, from: UVec3, to: UVec3| {
-        let (mut from, mut to) = (from, to);
-        (from[longest], to[longest]) = (low, high);
-        (from, to)
-    };
     for (a, b) in [(low[longest], middle), (middle + 1, high[longest]), (middle, middle + 1)] {
-        let (from, to) = cut(a, b, low, high);
-        if (a, b) == (middle, middle + 1) {
-            dissect_plane(nodes, from, to, active, order);
+        let (mut from, mut to) = (low, high);
+        (from[longest], to[longest]) = (a, b);
+        if a == middle {
+            // A plane is dense in the factor whatever its order.
+            list(nodes, from, to, active, order);
         } else {
             dissect_box(nodes, from, to, active, order);
         }
     }
 }
 
-/// A separator is dense in the factor whatever its order; rows of it in the grid's order make long supernodes.
-fn dissect_plane(nodes: UVec3, low: UVec3, high: UVec3, active: &[bool], order: &mut Vec<u32>) {
+/// Active nodes of a box in the grid's order.
+fn list(nodes: UVec3, low: UVec3, high: UVec3, active: &[bool], order: &mut Vec<u32>) {
     for z in low.z..high.z {
         for y in low.y..high.y {
             for x in low.x..high.x {
