@@ -78,6 +78,33 @@ impl PartCage {
         Err(BasisError::TooFewNodes { have: max_nodes, least: smallest })
     }
 
+    /// A cage from its fields, or `None` if they do not fit each other. `cage` has a place and cells, and not too many.
+    pub(crate) fn from_parts(
+        cage: Cage,
+        active: Vec<bool>,
+        fill: Vec<f32>,
+        shares_start: Vec<u32>,
+        shares: Vec<RegionShare>,
+    ) -> Option<Self> {
+        let count = cage.cells.as_u64vec3().element_product();
+        let as_many =
+            active.len() as u64 == count && fill.len() as u64 == count && shares_start.len() as u64 == count + 1;
+        if !as_many || shares_start[0] != 0 || shares_start.last() != Some(&u32::try_from(shares.len()).ok()?) {
+            return None;
+        }
+        let rising = shares_start.windows(2).all(|pair| pair[0] <= pair[1]);
+        let filled =
+            active.iter().zip(&fill).all(|(&active, part)| (0.0..=1.0).contains(part) && (active || *part == 0.0));
+        // Only active cells are made of something.
+        let shared = active.iter().zip(shares_start.windows(2)).all(|(&active, pair)| active == (pair[0] < pair[1]));
+        if !(rising && filled && shared && active.contains(&true)) {
+            return None;
+        }
+        let mut this = Self { cage, active, fill, shares, shares_start, pieces: 0 };
+        this.pieces = super::pieces::pieces(&this).count as u32;
+        Some(this)
+    }
+
     /// Number of a cell.
     pub fn cell_index(&self, cell: UVec3) -> usize {
         let n = self.cage.cells;

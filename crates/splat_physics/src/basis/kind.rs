@@ -30,9 +30,9 @@ pub struct SimplicitsSettings {
     pub steps: u32,
     /// Layers of 64 neurons after the first, 1..=16.
     pub layers: u8,
-    /// Points in the part for each step, 16..=65536.
+    /// Points in the part for each step, 16..=8192.
     pub points: u32,
-    /// Random motions for each step, 1..=256.
+    /// Random motions for each step, 1..=64.
     pub motions: u16,
     /// Of Adam, positive.
     pub learning_rate: f32,

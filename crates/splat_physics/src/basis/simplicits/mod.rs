@@ -281,8 +281,8 @@ fn network(settings: &SimplicitsSettings, handles: usize) -> Result<Network, Bas
     let checks = [
         ("steps", f64::from(settings.steps), settings.steps > 0),
         ("layers", f64::from(settings.layers), (1..=16).contains(&settings.layers)),
-        ("points", f64::from(settings.points), (16..=65536).contains(&settings.points)),
-        ("motions", f64::from(settings.motions), (1..=256).contains(&settings.motions)),
+        ("points", f64::from(settings.points), (16..=8192).contains(&settings.points)),
+        ("motions", f64::from(settings.motions), (1..=64).contains(&settings.motions)),
         ("learning_rate", f64::from(settings.learning_rate), positive(settings.learning_rate)),
         ("elastic_weight", f64::from(settings.elastic_weight), positive(settings.elastic_weight)),
         ("orthogonality_weight", f64::from(settings.orthogonality_weight), positive(settings.orthogonality_weight)),
