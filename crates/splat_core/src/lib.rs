@@ -69,6 +69,7 @@ mod criterion;
 pub mod deform;
 mod delta;
 mod mask;
+mod metres;
 mod neighbours;
 pub mod orient;
 mod parts;

@@ -1,15 +1,25 @@
 //! Which way is up, and which way an object lies: principal axes, the floor, and the rotations that follow from them.
 //!
 //! [`principal_axes`] gives the three directions in which Gaussians spread, [`align`] the rotation that lays them along the
-//! world's axes. [`floor_plane`] finds the plane everything stands on, [`upright`] the transform that makes it level.
+//! world's axes, [`align_to`] the one to chosen ends of them. [`floor_plane`] finds the plane everything stands on,
+//! [`surface_plane`] that of a selected surface, [`upright`] the transform that makes it level; [`three_points`] does by pointing
+//! what they find. [`extent_along`] tells how large something is.
 //! Sums run in `f64` in input order and random draws are seeded: the same cloud gives the same bits.
 
+mod extent;
 mod floor;
+mod points;
+mod signed;
+mod surface;
 
 use glam::{DMat3, DVec3, Mat3, Quat, Vec3};
 use rayon::prelude::*;
 
+pub use self::extent::extent_along;
 pub use self::floor::{Floor, FloorSettings, floor_plane, upright};
+pub use self::points::{PointsError, three_points};
+pub use self::signed::{AlignError, Aligned, AxisSign, AxisTarget, align_to};
+pub use self::surface::{Surface, surface_plane};
 use crate::{Cloud, Selection, Similarity};
 
 /// Neighbouring variances closer than this ratio do not tell their directions apart.

@@ -12,7 +12,7 @@ impl Cloud {
     /// The cloud moved by `by`, spherical harmonics included: from a moved camera it looks as it did.
     ///
     /// Extra properties are kept as they are; normals (`nx`, `ny`, `nz`) are no exception, because most files hold zeros.
-    /// The identity gives an equal cloud, to the bit.
+    /// What the source says about metres per unit goes along with the scale. The identity gives an equal cloud, to the bit.
     pub fn transformed(&self, by: &Similarity) -> Cloud {
         let mut arrays = self.clone().into_arrays();
         if *by == Similarity::IDENTITY {
@@ -26,6 +26,10 @@ impl Cloud {
         let turn = sh::Rotation::new(arrays.sh_degree, by.rotation_matrix());
         let stride = 3 * sh::coefficient_count(arrays.sh_degree);
         arrays.sh.par_chunks_exact_mut(stride).with_min_len(BLOCK).for_each(|values| turn.apply(values));
+        let metres = arrays.source.metres_per_unit();
+        if by.scale != 1.0 && metres.is_some() {
+            arrays.source.set_metres_per_unit(metres.map(|m| m / f64::from(by.scale)));
+        }
         // Lengths fit because they were not changed.
         Cloud::new(arrays).unwrap_or_default()
     }

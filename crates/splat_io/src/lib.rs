@@ -2,7 +2,7 @@
 //!
 //! [`read`] decides the format by content first, by extension only between candidates; [`write()`] by extension.
 //! [`FORMATS`] is the one list of formats: `--help`, README and the file dialog are made from it.
-//! Cameras: [`cameras`]; masks, label maps and pictures: [`picture`]; numpy arrays: [`npy`].
+//! Cameras: [`cameras`]; masks, label maps and pictures: [`picture`]; numpy arrays: [`npy`]; metres per unit: [`scale`].
 //!
 //! ```
 //! use splat_io::{WriteOptions, read, write};
@@ -31,6 +31,7 @@ pub mod npy;
 mod pages;
 pub mod picture;
 mod read;
+pub mod scale;
 mod write;
 
 pub use error::{ReadError, SourceName, WriteError};

@@ -7,9 +7,9 @@ use super::{about, eigen, weights};
 use crate::{Cloud, Selection, Similarity};
 
 /// A plane with this share of the best one's area could be the floor as well.
-const RIVAL: f32 = 0.5;
+pub(super) const RIVAL: f32 = 0.5;
 /// Planes whose normals have at least this dot product are the same (30 degrees).
-const APART: f32 = 0.866;
+pub(super) const APART: f32 = 0.866;
 /// What a flat Gaussian on a plane counts whose own normal is another.
 const ASKEW: f64 = 0.25;
 /// Candidates for the second and third Gaussian of a draw.
@@ -53,8 +53,8 @@ pub struct Floor {
 }
 
 /// What a plane is tested against.
-struct Grain {
-    mean: Vec3,
+pub(super) struct Grain {
+    pub(super) mean: Vec3,
     /// Direction of the shortest axis, if the Gaussian is flat.
     normal: Option<Vec3>,
     weight: f32,
@@ -68,7 +68,7 @@ impl Grain {
 }
 
 /// Three Gaussians for a plane: any first one; the others are the best of a few for the plane that its own normal spans.
-fn draw(grains: &[Grain], random: &mut Random) -> [usize; 3] {
+pub(super) fn draw(grains: &[Grain], random: &mut Random) -> [usize; 3] {
     let first = random.below(grains.len());
     let mut other = || {
         let candidates: [usize; CANDIDATES] = std::array::from_fn(|_| random.below(grains.len()));
@@ -95,25 +95,11 @@ fn draw(grains: &[Grain], random: &mut Random) -> [usize; 3] {
 pub fn floor_plane(cloud: &Cloud, selection: Option<&Selection>, up: Vec3, settings: &FloorSettings) -> Option<Floor> {
     assert!(selection.is_none_or(|s| s.len() == cloud.len()), "a selection of another cloud");
     let grains = grains(cloud, selection);
-    let total: f64 = grains.iter().map(|g| f64::from(g.weight)).sum();
     let tolerance = settings.tolerance * spread(&grains)?;
     let mut random = Random(settings.seed);
     let draws: Vec<[usize; 3]> = (0..settings.draws).map(|_| draw(&grains, &mut random)).collect();
     let least = settings.angle.cos();
-    let measure = |normal: Vec3, offset: f32| {
-        let (mut on, mut above, mut below) = (0.0f64, 0.0f64, 0.0f64);
-        for g in &grains {
-            let (height, weight) = (normal.dot(g.mean) - offset, f64::from(g.weight));
-            if height.abs() <= tolerance {
-                on += if g.lies(normal, least) { weight } else { ASKEW * weight };
-            } else if height > 5.0 * tolerance {
-                above += weight;
-            } else if height < -5.0 * tolerance {
-                below += weight;
-            }
-        }
-        (on / total, above / total, below / total)
-    };
+    let measure = |normal: Vec3, offset: f32| measure(&grains, normal, offset, tolerance, least);
     // The side with more of the scene is above.
     let facing = |normal: Vec3, offset: f32| {
         let (on, above, below) = measure(normal, offset);
@@ -184,8 +170,25 @@ pub fn floor_plane(cloud: &Cloud, selection: Option<&Selection>, up: Vec3, setti
     Some(Floor { rival, ..planes[chosen] })
 }
 
+/// Shares of the area on a plane, clearly (five tolerances) above and clearly below it.
+pub(super) fn measure(grains: &[Grain], normal: Vec3, offset: f32, tolerance: f32, least: f32) -> (f64, f64, f64) {
+    let (mut on, mut above, mut below, mut total) = (0.0f64, 0.0f64, 0.0f64, 0.0f64);
+    for g in grains {
+        let (height, weight) = (normal.dot(g.mean) - offset, f64::from(g.weight));
+        total += weight;
+        if height.abs() <= tolerance {
+            on += if g.lies(normal, least) { weight } else { ASKEW * weight };
+        } else if height > 5.0 * tolerance {
+            above += weight;
+        } else if height < -5.0 * tolerance {
+            below += weight;
+        }
+    }
+    (on / total, above / total, below / total)
+}
+
 /// At most about 16,384 evenly spaced opaque Gaussians.
-fn grains(cloud: &Cloud, selection: Option<&Selection>) -> Vec<Grain> {
+pub(super) fn grains(cloud: &Cloud, selection: Option<&Selection>) -> Vec<Grain> {
     let weights = weights(cloud, selection);
     let ids: Vec<usize> = (0..cloud.len()).filter(|&i| weights[i] > 0.0 && cloud.opacity(i) > 0.5).collect();
     let largest = weights.iter().copied().fold(0.0, f64::max);
@@ -205,7 +208,7 @@ fn grains(cloud: &Cloud, selection: Option<&Selection>) -> Vec<Grain> {
 }
 
 /// Distance from the median within which 90 % lie; `None` of fewer than three.
-fn spread(grains: &[Grain]) -> Option<f32> {
+pub(super) fn spread(grains: &[Grain]) -> Option<f32> {
     if grains.len() < 3 {
         return None;
     }
@@ -221,7 +224,7 @@ fn spread(grains: &[Grain]) -> Option<f32> {
 }
 
 /// Normal and offset of the plane with the least squared distances to what lies on `floor`.
-fn least_squares(grains: &[Grain], floor: &Floor, tolerance: f32, least: f32) -> Option<(Vec3, f32)> {
+pub(super) fn least_squares(grains: &[Grain], floor: &Floor, tolerance: f32, least: f32) -> Option<(Vec3, f32)> {
     let on = |g: &&Grain| (floor.normal.dot(g.mean) - floor.offset).abs() <= tolerance && g.lies(floor.normal, least);
     let on: Vec<&Grain> = grains.iter().filter(on).collect();
     let sum: f64 = on.iter().map(|g| f64::from(g.weight)).sum();

@@ -183,3 +183,135 @@ fn results_are_the_same_bits_on_any_number_of_threads() {
     let three = rayon::ThreadPoolBuilder::new().num_threads(3).build().unwrap().install(all);
     assert_eq!(one, three);
 }
+
+fn target(axis: usize, sign: Option<AxisSign>) -> AxisTarget {
+    AxisTarget { axis, sign }
+}
+
+#[test]
+fn every_permutation_and_sign_is_reached_or_told_to_mirror() {
+    let turn = Quat::from_euler(glam::EulerRot::YXZ, 0.4, -0.3, 0.2);
+    let means: Vec<Vec3> =
+        box_points(3, 5_000, Vec3::new(3.0, 1.0, 0.3)).into_iter().map(|p| turn * p + Vec3::ONE).collect();
+    let axes = principal_axes(&sheet_grains(&means, Quat::IDENTITY), None).unwrap();
+    let ends = [None, Some(AxisSign::Positive), Some(AxisSign::Negative)];
+    let (mut reached, mut mirrored) = (0, 0);
+    for order in [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]] {
+        for code in 0..27 {
+            let signs = [ends[code % 3], ends[code / 3 % 3], ends[code / 9]];
+            let targets = std::array::from_fn(|k| target(order[k], signs[k]));
+            match align_to(&axes, targets) {
+                Ok(found) => {
+                    reached += 1;
+                    assert!((found.transform.rotation_matrix().determinant() - 1.0).abs() < 1e-4);
+                    assert!(found.transform.apply(axes.center).distance(axes.center) < 1e-4);
+                    for k in 0..3 {
+                        let along = (found.transform.rotation * axes.axes[k]).dot(Vec3::AXES[order[k]]);
+                        match signs[k] {
+                            None => assert!(along.abs() > 0.9999),
+                            Some(AxisSign::Positive) => assert!(along > 0.9999, "{targets:?}"),
+                            Some(AxisSign::Negative) => assert!(along < -0.9999, "{targets:?}"),
+                        }
+                    }
+                    let turned = found.transform.rotation.angle_between(Quat::IDENTITY);
+                    assert!((turned - found.angle).abs() < 2e-3, "{turned} {}", found.angle);
+                }
+                Err(error) => {
+                    mirrored += 1;
+                    assert!(error == AlignError::Mirrors && signs.iter().all(Option::is_some));
+                }
+            }
+        }
+    }
+    // Of the eight choices of three signs four are turns.
+    assert_eq!((reached, mirrored), (6 * 23, 6 * 4));
+    let twice = [target(0, None), target(0, None), target(1, None)];
+    assert_eq!(align_to(&axes, twice), Err(AlignError::NotEachOnce));
+    let open = align_to(&axes, [target(0, None), target(1, None), target(2, None)]).unwrap();
+    assert!(open.transform.rotation.angle_between(align(&axes, Some([0, 1, 2])).rotation) < 1e-3);
+    assert!(open.rival.is_none(), "the nearest turn is much nearer than the others");
+}
+
+#[test]
+fn a_turn_that_could_as_well_go_the_other_way_is_told() {
+    let turn = Quat::from_rotation_y(std::f32::consts::FRAC_PI_2 - 0.03);
+    let means: Vec<Vec3> = box_points(3, 5_000, Vec3::new(3.0, 1.0, 0.3)).into_iter().map(|p| turn * p).collect();
+    let axes = principal_axes(&sheet_grains(&means, Quat::IDENTITY), None).unwrap();
+    let found = align_to(&axes, [target(0, None), target(1, None), target(2, None)]).unwrap();
+    assert!(found.rival.is_some_and(|other| (other - found.angle - 0.06).abs() < 0.03), "{found:?}");
+}
+
+#[test]
+fn a_selected_surface_is_made_level_whatever_else_was_selected() {
+    for tilt in [Quat::from_euler(glam::EulerRot::YXZ, 0.3, 0.8, -0.4), Quat::from_rotation_x(3.0)] {
+        let cloud = floor_with_box(tilt);
+        // The floor, and a third of what stands on it.
+        let selection = Selection::from_fn(cloud.len(), |i| i < 7_000);
+        let settings = FloorSettings::default();
+        // Nobody says which side is up: the box stands on it.
+        let beside = tilt * Vec3::X;
+        let found = surface_plane(&cloud, &selection, beside, &settings).unwrap();
+        assert!(found.plane.normal.dot(tilt * Vec3::Y) > 0.9999 && !found.side_ambiguous, "{found:?}");
+        assert!(found.plane.offset.abs() < 0.01 && found.rest.0 > 0.9, "{found:?}");
+        // Somebody does.
+        let found = surface_plane(&cloud, &selection, tilt * Vec3::NEG_Y, &settings).unwrap();
+        assert!(found.plane.normal.dot(tilt * Vec3::Y) < -0.9999 && found.rest.1 > 0.9, "{found:?}");
+        // Nothing does.
+        let all = Selection::all(cloud.len());
+        assert!(surface_plane(&cloud, &all, beside, &settings).unwrap().side_ambiguous);
+    }
+    let line: Vec<Vec3> = (0..200).map(|i| Vec3::X * i as f32).collect();
+    let cloud = sheet_grains(&line, Quat::IDENTITY);
+    for selection in [Selection::all(200), Selection::from_ids(200, [3, 4]), Selection::none(200)] {
+        assert!(surface_plane(&cloud, &selection, Vec3::Y, &FloorSettings::default()).is_none());
+    }
+}
+
+#[test]
+fn three_points_make_their_plane_level_with_the_first_two_along_x() {
+    let tilt = Quat::from_euler(glam::EulerRot::YXZ, 1.3, 0.8, -0.4);
+    let points = [Vec3::new(1.0, 2.0, 3.0), Vec3::new(4.0, 2.0, 3.0), Vec3::new(2.0, 2.0, 1.0)].map(|p| tilt * p);
+    for (was_up, up) in [(tilt * Vec3::Y, Vec3::Y), (tilt * Vec3::Y, Vec3::NEG_Y), (tilt * Vec3::NEG_Y, Vec3::Z)] {
+        let s = three_points(points, was_up, up).unwrap();
+        let [a, b, c] = points.map(|p| s.apply(p));
+        for p in [a, b, c] {
+            assert!(p.dot(up).abs() < 1e-4, "{p}");
+        }
+        assert!((b - a).distance(Vec3::X * 3.0) < 1e-4, "{a} {b}");
+        assert!((s.rotation * was_up).distance(up) < 1e-4);
+        assert!((a - points[0]).reject_from(up).length() < 1e-4);
+    }
+    let sideways = three_points(points, tilt * Vec3::Y, Vec3::X).unwrap();
+    assert!((sideways.rotation * (points[1] - points[0])).distance(Vec3::Y * 3.0) < 1e-4);
+
+    let [a, b] = [Vec3::ONE, Vec3::new(3.0, 2.0, 1.0)];
+    for (bad, error) in [
+        ([a, b, a + 0.3 * (b - a)], PointsError::Collinear),
+        ([a, b, a - 7.0 * (b - a) + 1e-4], PointsError::Collinear),
+        ([a, a, b], PointsError::Same),
+        ([a, b, b], PointsError::Same),
+        ([a; 3], PointsError::Same),
+        ([a, b, Vec3::NAN], PointsError::NotFinite),
+    ] {
+        assert_eq!(three_points(bad, Vec3::Y, Vec3::Y), Err(error), "{bad:?}");
+    }
+}
+
+#[test]
+fn an_extent_leaves_floaters_out_and_counts_what_gaussians_cover() {
+    let mut means = box_points(4, 40_000, Vec3::new(3.0, 1.0, 0.3));
+    means.extend([Vec3::splat(50.0), Vec3::splat(-70.0), Vec3::NAN]);
+    let cloud = sheet_grains(&means, Quat::IDENTITY);
+    // Uniform, so half a percent at each end is missing; a deviation is exp(-3).
+    for (direction, half, deviation) in [(Vec3::X * 2.0, 3.0, (-3f32).exp()), (Vec3::NEG_Z, 0.3, (-6f32).exp())] {
+        let (low, high) = extent_along(&cloud, None, direction).unwrap();
+        let wanted = 0.99 * 2.0 * half + 2.0 * deviation;
+        assert!(((high - low) / wanted - 1.0).abs() < 0.01, "{low} {high} {wanted}");
+    }
+    let one = Selection::from_ids(cloud.len(), [0]);
+    let (low, high) = extent_along(&cloud, Some(&one), Vec3::X).unwrap();
+    assert!((high - low - 2.0 * (-3f32).exp()).abs() < 1e-4);
+    assert_eq!(extent_along(&cloud, Some(&Selection::none(cloud.len())), Vec3::X), None);
+    assert_eq!(extent_along(&cloud, None, Vec3::ZERO), None);
+    assert_eq!(extent_along(&Cloud::default(), None, Vec3::X), None);
+}
