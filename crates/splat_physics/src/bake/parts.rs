@@ -227,7 +227,7 @@ impl Baked for BasisKind {
     }
 }
 
-/// Whether it is sound is found by [`crate::basis::SimplicitsTraining::resume`], which knows the part.
+/// Whether it is sound is found by [`crate::SimplicitsTraining::resume`], which knows the part.
 impl Baked for SimplicitsState {
     const LEAST: usize = SimplicitsSettings::LEAST + 8 * 5 + 4;
 

@@ -4,7 +4,7 @@ use glam::{DVec3, UVec3};
 use splat_core::deform::Cage;
 
 use super::BasisError;
-use crate::{Solid, VoxelGrid};
+use crate::Solid;
 
 /// Cells along the longest side, at most: more than any cage of an allowed size has.
 const MOST_CELLS: u32 = 4096;
@@ -233,14 +233,9 @@ impl Fit {
     }
 }
 
-fn voxel_at(grid: &VoxelGrid, index: usize) -> UVec3 {
-    let (nx, ny) = (grid.dims.x as usize, grid.dims.y as usize);
-    UVec3::new((index % nx) as u32, (index / nx % ny) as u32, (index / (nx * ny)) as u32)
-}
-
 /// Least voxel and the one after the last, of those with any weight.
 fn occupied_bounds(solid: &Solid) -> Option<(UVec3, UVec3)> {
-    solid.occupied().map(|voxel| voxel_at(&solid.grid, voxel)).fold(None, |bounds, at| {
+    solid.occupied().map(|voxel| solid.grid.at(voxel)).fold(None, |bounds, at| {
         let (low, high) = bounds.unwrap_or((at, at + 1));
         Some((at.min(low), high.max(at + 1)))
     })
@@ -260,7 +255,7 @@ fn region_parts(solid: &Solid, cage: &Cage, origin: DVec3, cell: f64) -> Vec<(us
     let (nx, ny) = (cage.cells.x as usize, cage.cells.y as usize);
     let mut parts = Vec::new();
     for voxel in solid.occupied() {
-        let (at, weight) = (voxel_at(&solid.grid, voxel), f64::from(solid.weights[voxel]));
+        let (at, weight) = (solid.grid.at(voxel), f64::from(solid.weights[voxel]));
         for &(z, dz) in &overlaps[2][at.z as usize] {
             for &(y, dy) in &overlaps[1][at.y as usize] {
                 for &(x, dx) in &overlaps[0][at.x as usize] {

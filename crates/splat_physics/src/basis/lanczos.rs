@@ -18,7 +18,7 @@ const FAIR: f64 = 1e-2;
 /// Columns between two looks at what has been found.
 const LOOK: usize = 16;
 /// Columns that there is room for at first.
-const ROOM: usize = 160;
+const ROOM: usize = 200;
 /// A column whose length falls below this part of what it was depends on the others.
 const DEPENDENT: f64 = 1e-8;
 
