@@ -130,10 +130,6 @@ pub fn principal_axes(cloud: &Cloud, selection: Option<&Selection>) -> Option<Pr
         (mean, cov) = moments(cloud, &weights, &ids, ids.len() < SMALL);
     }
     let (variances, vectors) = eigen(cov);
-    let positive = |v: DVec3| {
-        let largest = v.abs().max_position();
-        if v[largest] < 0.0 { -v } else { v }
-    };
     let (first, second) = (positive(vectors[0]), positive(vectors[1]));
     Some(PrincipalAxes {
         center: mean.as_vec3(),
@@ -143,8 +139,14 @@ pub fn principal_axes(cloud: &Cloud, selection: Option<&Selection>) -> Option<Pr
     })
 }
 
+/// The direction or its opposite, so that its largest component is positive.
+fn positive(v: DVec3) -> DVec3 {
+    let largest = v.abs().max_position();
+    if v[largest] < 0.0 { -v } else { v }
+}
+
 /// Eigenvalues, falling, and unit eigenvectors of a symmetric matrix, by Jacobi rotations.
-fn eigen(mut m: DMat3) -> ([f64; 3], [DVec3; 3]) {
+pub(crate) fn eigen(mut m: DMat3) -> ([f64; 3], [DVec3; 3]) {
     let mut vectors = DMat3::IDENTITY;
     for _ in 0..24 {
         let off = m.y_axis.x.abs() + m.z_axis.x.abs() + m.z_axis.y.abs();
