@@ -171,7 +171,7 @@ impl Baked for BasisWeights {
         let own =
             Self { handles: handles as usize, nodes: nodes.into_iter().map(f64::from).collect(), report: from.get()? };
         // Modes of one value may exceed what can be asked for.
-        if !(1..=2 * MOST_HANDLES).contains(&own.handles) || own.nodes.len() % own.handles != 0 {
+        if !(1..=2 * MOST_HANDLES).contains(&own.handles) || !own.nodes.len().is_multiple_of(own.handles) {
             return Err(from.unsound("the weights are not as many for each node"));
         }
         let ends = own.nodes.iter().skip(own.handles - 1).step_by(own.handles).all(|&weight| weight == 1.0);

@@ -112,8 +112,9 @@ impl Pencil {
             for column in 0..n {
                 let own = from[column];
                 let mut sum = [0.0; WIDE];
-                for k in self.starts[column] as usize..self.starts[column + 1] as usize {
-                    let (row, value) = (self.rows[k] as usize, values[k]);
+                let entries = self.starts[column] as usize..self.starts[column + 1] as usize;
+                for (&row, &value) in self.rows[entries.clone()].iter().zip(&values[entries]) {
+                    let row = row as usize;
                     if row == column {
                         (0..WIDE).for_each(|c| sum[c] += value * own[c]);
                     } else {
