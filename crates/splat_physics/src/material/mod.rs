@@ -75,12 +75,7 @@ impl Material {
                 self.youngs_modulus > 0.0 && self.youngs_modulus <= 1e13,
                 "above 0 and at most 1e13 Pa",
             ),
-            (
-                "poisson_ratio",
-                self.poisson_ratio,
-                (0.0..0.5).contains(&self.poisson_ratio),
-                "at least 0 and below 0.5",
-            ),
+            ("poisson_ratio", self.poisson_ratio, (0.0..0.5).contains(&self.poisson_ratio), "at least 0 and below 0.5"),
             ("friction_static", self.friction_static, (0.0..=10.0).contains(&self.friction_static), "0 to 10"),
             (
                 "friction_dynamic",
@@ -120,7 +115,9 @@ impl Material {
         let (frequency, most) = (self.lowest_frequency(length), 0.5 * rate);
         let swings = format!("a part of {length:.3} m of this material swings at about {frequency:.0} Hz");
         if frequency <= most {
-            Advice::Elastic(format!("{swings}, which {rate:.0} steps a second can show: an elastic part would bend visibly"))
+            Advice::Elastic(format!(
+                "{swings}, which {rate:.0} steps a second can show: an elastic part would bend visibly"
+            ))
         } else {
             let advice = format!("{swings}, but {rate:.0} steps a second show at most {most:.0} Hz");
             Advice::Rigid(format!("{advice}: a rigid part looks the same and costs less"))

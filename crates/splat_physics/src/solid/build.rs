@@ -1,36 +1,40 @@
-//! [`Solid::build`].
+//! [`Solid::build`]: the stages one after another.
 
-use glam::{DMat3, DVec3, UVec3};
+use glam::{DVec3, IVec3};
 use splat_core::Cloud;
 
-use super::candidates::{Candidate, candidates};
-use super::fill::{bottom, filled, hull, pieces};
-use super::occupancy::{Touch, extinction, occupied, touches};
-use super::regions::regions;
-use super::wall::hollow;
-use super::{Solid, SolidError, SolidReport, SolidSettings, VoxelGrid};
+use super::base::close_base;
+use super::candidates::Candidates;
+use super::hollow::hollow;
+use super::hull::hull;
+use super::morphology::{Mask, faces, large_pieces};
+use super::occupancy::occupancy;
+use super::regions::spread;
+use super::{Leaks, Pieces, Solid, SolidError, SolidReport, SolidSettings, VoxelGrid};
 
-/// A shell encloses nothing if what it fills is less than this many times itself.
+/// A piece is large above one part in so many of the largest.
+const LARGE: usize = 100;
+/// More large pieces are no body.
+const MOST_PIECES: usize = 32;
+/// A surface that holds less than so many times its shell leaks,
 const ENCLOSES: f64 = 1.5;
-/// A part is a sheet if it is thinner than this many voxels somewhere.
-const SHEET: f64 = 4.0;
-/// Free voxels around a part: room to close gaps and to flood.
-const MARGIN: u32 = 10;
-/// A part that takes up less than this of the first grid's diagonal gets a finer one.
-const LOOSE: f64 = 0.8;
-/// Scales that captures have, in metres for a unit.
-const SCALES: std::ops::RangeInclusive<f64> = 1e-9..=1e9;
+/// unless it fills so much of its convex hull: then it is a thin thing that encloses nothing.
+const FILLS_HULL: f64 = 0.5;
+/// Voxels with all six neighbours, as a share of all, in a body that is more than two voxels thick somewhere.
+const CORE: f64 = 0.02;
 
 impl Solid {
-    /// Fills what the Gaussians `ids` of a cloud are the shell of.
+    /// The solid of the Gaussians `ids` of `cloud`, in metres, in the body's frame.
     ///
-    /// `metres_per_unit`: of the cloud. `regions`: for each entry of `ids`, which of the part's materials it is made of; `None`: all
-    /// of the first.
+    /// `regions`: for each of `ids`, which of the materials it is made of; all 0 without. What of the solid no Gaussian tells
+    /// takes the region of the nearest that one does.
+    ///
+    /// Robust: haze, monsters and floaters are left out; a surface thinner than a voxel counts wherever it passes; the underside
+    /// is closed; holes are closed, the narrowest closing that suffices; what the surface encloses is filled. The same bits on any
+    /// number of threads.
     ///
     /// # Errors
-    /// [`SolidError`]: there is no shape, or (if asked so) the shell leaks.
-    ///
-    /// Cost: some 50 ms for 20,000 Gaussians and 64 voxels. The same bits on any number of threads.
+    /// [`SolidError`], each with the numbers that say why; never a panic, whatever the values are.
     pub fn build(
         cloud: &Cloud,
         ids: &[u32],
@@ -39,147 +43,166 @@ impl Solid {
         settings: &SolidSettings,
     ) -> Result<Self, SolidError> {
         settings.check()?;
-        if !SCALES.contains(&metres_per_unit) {
-            return Err(SolidError::ScaleOutOfRange { metres_per_unit });
-        }
-        if let Some(labels) = regions
-            && labels.len() != ids.len()
-        {
-            return Err(SolidError::Regions { regions: labels.len(), gaussians: ids.len() });
-        }
-        let found = candidates(cloud, ids, metres_per_unit)?;
-        let first = Shell::of(&found.list, grid_around(found.least, found.most, settings.voxels), settings)?;
-        // Floaters stretch the first grid. What is left without them gets one that fits.
-        let (least, most) = first.bounds();
-        let shell = if (most - least).length() < LOOSE * (found.most - found.least).length() {
-            Shell::of(&found.list, grid_around(least, most, settings.voxels), settings)?
-        } else {
-            first
-        };
-        shell.fill(ids.len(), found.list.len(), regions, settings)
-    }
-}
-
-/// A grid with `voxels` along the diagonal of a box and some more around it.
-fn grid_around(least: DVec3, most: DVec3, voxels: u32) -> VoxelGrid {
-    let size = (most - least).max(DVec3::splat(f64::MIN_POSITIVE));
-    let voxel = size.length() / f64::from(voxels);
-    let dims = (size / voxel).ceil().max(DVec3::ONE).as_uvec3() + UVec3::splat(2 * MARGIN);
-    let origin = 0.5 * (least + most) - dims.as_dvec3() * (0.5 * voxel);
-    VoxelGrid { origin, voxel, dims }
-}
-
-/// The voxels that a part's Gaussians lie in.
-struct Shell {
-    grid: VoxelGrid,
-    marked: Vec<bool>,
-    touches: Vec<Vec<Touch>>,
-}
-
-impl Shell {
-    /// The shell without its small pieces.
-    fn of(list: &[Candidate], grid: VoxelGrid, settings: &SolidSettings) -> Result<Self, SolidError> {
-        let touches = touches(list, &grid);
-        let mut marked = occupied(&extinction(&touches, &grid), settings.cut);
-        keep_pieces(&grid, &mut marked, settings.least_piece);
-        if !marked.contains(&true) {
+        let found = Candidates::new(cloud, ids, metres_per_unit, regions)?;
+        let grid = grid_around(&found, settings);
+        let occupied = occupancy(&found.splats, &grid, settings.cut, regions.is_some());
+        let (shell, ..) = large_pieces(&occupied.mask, LARGE, false);
+        if shell.count() == 0 {
             return Err(SolidError::EmptyOccupancy { cut: settings.cut });
         }
-        Ok(Self { grid, marked, touches })
-    }
 
-    fn bounds(&self) -> (DVec3, DVec3) {
-        let (mut least, mut most) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-        for v in (0..self.marked.len()).filter(|&v| self.marked[v]) {
-            least = least.min(self.grid.center(v));
-            most = most.max(self.grid.center(v));
+        let closed = Closed::new(&shell, &grid, settings)?;
+        let (filled, pieces, largest) = large_pieces(&closed.filled, LARGE, settings.pieces == Pieces::Largest);
+        if pieces > MOST_PIECES || (pieces > 1 && settings.pieces == Pieces::One) {
+            return Err(SolidError::Disconnected { pieces, largest });
         }
-        (least - 0.5 * self.grid.voxel, most + 0.5 * self.grid.voxel)
-    }
+        let left_out = 1.0 - filled.count() as f64 / closed.filled.count() as f64;
+        let core = (0..grid.len()).filter(|&voxel| depth_above_one(&filled, voxel)).count();
+        if (core as f64) < CORE * filled.count() as f64 && !(closed.leaked && settings.leaks == Leaks::Shell) {
+            return Err(SolidError::TooThin { voxels: 2, thickness: 2.0 * grid.voxel });
+        }
 
-    fn fill(
-        mut self,
-        gaussians: usize,
-        used: usize,
-        labels: Option<&[u8]>,
-        settings: &SolidSettings,
-    ) -> Result<Solid, SolidError> {
-        let grid = self.grid;
-        let cube = grid.voxel.powi(3);
-        let count = |marked: &[bool]| marked.iter().filter(|&&m| m).count();
-        let thin = self.thickness() < SHEET;
-        if settings.close_bottom && !thin {
-            bottom(&grid, &self.marked, settings.up).into_iter().for_each(|v| self.marked[v] = true);
+        let skin = shell_of(&filled, &closed.shell);
+        let mut weights: Vec<f32> =
+            filled.voxels.iter().zip(&skin.voxels).map(|(&f, &s)| f32::from(f) * (1.0 - 0.5 * f32::from(s))).collect();
+        if let Some(wall) = settings.hollow {
+            hollow(&mut weights, &filled, wall / grid.voxel);
         }
-        let shell = count(&self.marked) as f64 * cube;
-        let mut report = SolidReport { gaussians, used, shell_volume: shell, thin, ..SolidReport::default() };
-        let mut solid = self.marked.clone();
-        if !thin {
-            let mut closed = None;
-            let mut best = 0.0;
-            for closing in 0..=settings.max_closing {
-                let full = filled(&grid, &self.marked, closing);
-                let volume = count(&full) as f64 * cube;
-                best = volume.max(best);
-                if volume >= ENCLOSES * shell {
-                    closed = Some((full, closing));
-                    break;
-                }
-            }
-            solid = match closed {
-                Some((full, closing)) => {
-                    report.closing = closing;
-                    full
-                }
-                None if settings.hull_if_leaks => {
-                    report.leaked = true;
-                    hull(&grid, &self.marked)
-                }
-                None => {
-                    return Err(SolidError::ShellLeaks { closing: settings.max_closing, shell, filled: best });
-                }
-            };
+        let mut of_voxels = occupied.regions;
+        if regions.is_some() {
+            spread(&mut of_voxels, &shell, &filled);
         }
-        report.pieces = keep_pieces(&grid, &mut solid, settings.least_piece);
-        // The surface runs through the shell; a sheet is nothing but shell.
-        let half = |v: usize| if self.marked[v] && !thin { 0.5 } else { 1.0 };
-        let mut weights: Vec<f32> = (0..solid.len()).map(|v| if solid[v] { half(v) } else { 0.0 }).collect();
-        if let Some(thickness) = settings.hollow {
-            hollow(&grid, &self.marked, thickness, &mut weights);
-        }
-        let regions = match labels {
-            Some(labels) => regions(&grid, &solid, &self.touches, labels),
-            None => vec![0; grid.len()],
+        let mut solid = Self { grid, weights, regions: of_voxels, report: SolidReport::default() };
+        solid.report = SolidReport {
+            used: found.splats.len(),
+            unused: found.unused,
+            volume: solid.volume(),
+            shell_volume: skin.count() as f64 * grid.voxel_volume(),
+            voxels: solid.occupied().count(),
+            pieces,
+            left_out,
+            closing: closed.closing,
+            base: closed.base,
+            leaked: closed.leaked,
         };
-        Ok(Solid { grid, weights, regions, report })
-    }
-
-    /// Extent along the direction in which the shell spreads least, in voxels.
-    fn thickness(&self) -> f64 {
-        let members: Vec<DVec3> =
-            (0..self.marked.len()).filter(|&v| self.marked[v]).map(|v| self.grid.at(v).as_dvec3()).collect();
-        let n = members.len() as f64;
-        let mean = members.iter().sum::<DVec3>() / n;
-        let mut spread = DMat3::ZERO;
-        for p in &members {
-            let d = *p - mean;
-            spread += DMat3::from_cols(d * d.x, d * d.y, d * d.z);
-        }
-        let (values, vectors) = crate::linear::symmetric_eigen(spread * (1.0 / n));
-        let least = (0..3).min_by(|&a, &b| values[a].total_cmp(&values[b])).unwrap_or(0);
-        let along = vectors.col(least);
-        let ends = members.iter().map(|p| along.dot(*p)).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), d| {
-            (l.min(d), h.max(d))
-        });
-        ends.1 - ends.0 + 1.0
+        Ok(solid)
     }
 }
 
-/// Leaves out pieces smaller than `least` times the largest; how many are left.
-fn keep_pieces(grid: &VoxelGrid, marked: &mut [bool], least: f32) -> usize {
-    let (sizes, label) = pieces(grid, marked);
-    let Some(&largest) = sizes.first() else { return 0 };
-    let kept = sizes.iter().take_while(|&&s| s as f32 >= least * largest as f32).count();
-    marked.iter_mut().zip(label).for_each(|(m, l)| *m &= (l as usize) < kept);
-    kept
+/// A grid with as many voxels along the part's diagonal as asked for, around all that its Gaussians reach, with room to go around it.
+fn grid_around(found: &Candidates, settings: &SolidSettings) -> VoxelGrid {
+    let thickest = found.splats.iter().map(|splat| splat.sigma.max_element()).fold(0.0, f64::max);
+    let diagonal = (found.high - found.low).length().max(4.0 * thickest);
+    let voxel = diagonal / f64::from(settings.voxels);
+    // Large Gaussians may reach out, but do not decide how large the grid is.
+    let most = DVec3::splat(0.1 * diagonal);
+    let (mut low, mut high) = (found.low, found.high);
+    for splat in &found.splats {
+        let reach = (2.5 * splat.spread()).min(most);
+        low = low.min(splat.mean - reach).max(found.low - most);
+        high = high.max(splat.mean + reach).min(found.high + most);
+    }
+    let margin = f64::from(settings.max_closing) + 3.0;
+    let dims = ((high - low) / voxel + 2.0 * margin).ceil().as_uvec3().max(glam::UVec3::splat(3));
+    VoxelGrid { origin: 0.5 * (low + high) - 0.5 * dims.as_dvec3() * voxel, voxel, dims }
+}
+
+/// A shell with an underside, and what it encloses.
+struct Closed {
+    shell: Mask,
+    filled: Mask,
+    closing: u32,
+    base: usize,
+    leaked: bool,
+}
+
+impl Closed {
+    /// With the least closing that holds, and an underside only where it does not hold without.
+    fn new(shell: &Mask, grid: &VoxelGrid, settings: &SolidSettings) -> Result<Self, SolidError> {
+        let room = inner_room(shell, settings.max_closing + 1);
+        let up = settings.up.normalize();
+        let attempt = |closing: u32, bottom: bool| {
+            let mut shell = room.clone();
+            let base = if bottom { close_base(&mut shell, up, 2 * closing) } else { 0 };
+            let filled = shell.filled(closing);
+            Self { shell, filled, closing, base, leaked: false }
+        };
+        let bottoms = if settings.close_bottom { &[false, true][..] } else { &[false] };
+        for closing in 1..=settings.max_closing {
+            for &bottom in bottoms {
+                let closed = attempt(closing, bottom);
+                if closed.encloses() {
+                    return Ok(closed);
+                }
+            }
+        }
+        // A thin thing encloses nothing, and need not.
+        let thin = attempt(1, settings.close_bottom);
+        let convex = hull(&room, grid);
+        if thin.filled.count() as f64 >= FILLS_HULL * convex.count() as f64 {
+            return Ok(thin);
+        }
+        let closing = settings.max_closing;
+        match settings.leaks {
+            Leaks::Refuse => {
+                let last = attempt(closing, settings.close_bottom);
+                let volume = |mask: &Mask| mask.count() as f64 * grid.voxel_volume();
+                Err(SolidError::ShellLeaks {
+                    closing_tried: closing,
+                    hole: f64::from(2 * closing) * grid.voxel,
+                    filled: volume(&last.filled),
+                    shell: volume(&last.shell),
+                })
+            }
+            Leaks::Hull => Ok(Self { filled: convex, shell: room, closing, base: 0, leaked: true }),
+            Leaks::Shell => Ok(Self { filled: room.filled(1), shell: room, closing, base: 0, leaked: true }),
+        }
+    }
+
+    /// Whether it holds much more than its shell.
+    fn encloses(&self) -> bool {
+        self.filled.count() as f64 >= ENCLOSES * shell_of(&self.filled, &self.shell).count() as f64
+    }
+}
+
+/// `shell` without what is nearer than `margin` to the grid's faces: parts of Gaussians that reach beyond.
+fn inner_room(shell: &Mask, margin: u32) -> Mask {
+    let dims = shell.dims;
+    let (nx, ny) = (dims.x as usize, dims.y as usize);
+    let mut room = shell.clone();
+    for (k, voxel) in room.voxels.iter_mut().enumerate() {
+        let at = glam::UVec3::new((k % nx) as u32, (k / nx % ny) as u32, (k / (nx * ny)) as u32);
+        let away = at.min(dims - 1 - at).min_element();
+        *voxel &= u8::from(away >= margin);
+    }
+    room
+}
+
+/// Whether a voxel is set and all that share a face with it.
+fn depth_above_one(mask: &Mask, voxel: usize) -> bool {
+    mask.voxels[voxel] != 0 && faces(voxel, mask.dims).all(|(near, _)| mask.voxels[near] != 0)
+}
+
+/// The voxels of `filled` that the surface runs through: at most two voxels from the outside and opaque themselves, or right at
+/// the outside. Opaque voxels further in are clutter inside the body.
+fn shell_of(filled: &Mask, opaque: &Mask) -> Mask {
+    let (nx, ny) = (filled.dims.x as i32, filled.dims.y as i32);
+    let offsets: Vec<i32> = (0..125)
+        .map(|k| IVec3::new(k % 5 - 2, k / 5 % 5 - 2, k / 25 - 2))
+        .filter(|o| (1..=4).contains(&o.length_squared()))
+        .map(|o| o.x + nx * (o.y + ny * o.z))
+        .collect();
+    let empty = |voxel: usize, offset: i32| {
+        let near = voxel as i64 + i64::from(offset);
+        filled.voxels.get(near as usize).is_none_or(|&near| near == 0)
+    };
+    let is_shell = |voxel: usize| {
+        filled.voxels[voxel] != 0
+            && if opaque.voxels[voxel] != 0 {
+                offsets.iter().any(|&offset| empty(voxel, offset))
+            } else {
+                !depth_above_one(filled, voxel)
+            }
+    };
+    Mask { dims: filled.dims, voxels: (0..filled.voxels.len()).map(|voxel| u8::from(is_shell(voxel))).collect() }
 }

@@ -1,10 +1,31 @@
 //! From a part's Gaussians, a shell with floaters, holes and no underside, to a filled [`Solid`] of voxels.
+//!
+//! | stage | what | where |
+//! |---|---|---|
+//! | candidates | leave out haze, monsters, floaters | `candidates.rs` |
+//! | occupancy | voxels that the Gaussians make opaque: the shell | `occupancy.rs` |
+//! | base | close the underside | `base.rs` |
+//! | filling | close holes, flood from outside; what is not reached is inside | `morphology.rs` |
+//! | leaks | where it does not close: its hull | `hull.rs` |
+//! | weights | half for the shell, walls of hollow things | `build.rs`, `hollow.rs` |
+//! | regions | materials from the shell inwards | `regions.rs` |
+//! | mass | mass, centre, inertia | `mass.rs` |
 
+mod base;
+mod build;
+mod candidates;
 mod error;
 mod grid;
+mod hollow;
+mod hull;
 mod mass;
+mod morphology;
+mod occupancy;
+mod regions;
 mod report;
 mod settings;
+#[cfg(test)]
+mod tests;
 
 use glam::{DVec3, UVec3};
 
