@@ -2,6 +2,8 @@
 
 use std::sync::Arc;
 
+use glam::{Mat3, Vec3};
+use splat_core::deform::Deformation;
 use splat_core::{Cloud, Selection, Similarity};
 
 /// A cloud placed in a scene.
@@ -19,12 +21,14 @@ pub struct Instance {
     /// For each Gaussian of the cloud: sRGB red, green, blue, and with what strength (0 to 255) they are mixed over its
     /// colour.
     pub tint: Option<Arc<[[u8; 4]]>>,
+    /// How the cloud is bent before it is placed, in its own space: means, covariances and viewing directions follow.
+    pub deformation: Option<Arc<Deformation>>,
 }
 
 impl Instance {
-    /// The cloud where it is, nothing hidden.
+    /// The cloud where it is and as it is, nothing hidden.
     pub fn new(cloud: Arc<Cloud>) -> Self {
-        Self { cloud, transform: Similarity::IDENTITY, hidden: None, subset: None, tint: None }
+        Self { cloud, transform: Similarity::IDENTITY, hidden: None, subset: None, tint: None, deformation: None }
     }
 
     /// Gaussians that belong to it, hidden ones included.
@@ -35,6 +39,23 @@ impl Instance {
     /// Whether none does.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Where the mean of Gaussian `gaussian` of the cloud is, in the scene's space: bent, then placed.
+    pub fn mean(&self, gaussian: usize) -> Vec3 {
+        let mean = self.cloud.means()[gaussian];
+        self.transform.apply(self.deformation.as_ref().map_or(mean, |deformation| deformation.at(mean).position))
+    }
+
+    /// The covariance of Gaussian `gaussian` of the cloud, in the scene's space: bent, then placed.
+    pub fn covariance(&self, gaussian: usize) -> Mat3 {
+        let mut linear = Mat3::from_quat(self.transform.rotation) * self.transform.scale;
+        if let Some(deformation) = &self.deformation {
+            linear *= deformation.at(self.cloud.means()[gaussian]).gradient;
+        }
+        let m =
+            linear * Mat3::from_quat(self.cloud.rotation(gaussian)) * Mat3::from_diagonal(self.cloud.scale(gaussian));
+        m * m.transpose()
     }
 
     /// Id in the cloud of the Gaussian at `position` of the instance; `None` past its end.

@@ -70,8 +70,7 @@ pub fn uncertainty<'a>(
     selection: &Selection,
 ) -> Vec<f32> {
     let spread = share_spread(sums.len(), votes);
-    let means: Vec<Vec3> =
-        scene.instances.iter().flat_map(|k| k.cloud.means().iter().map(|&m| k.transform.apply(m))).collect();
+    let means: Vec<Vec3> = scene.instances.iter().flat_map(|k| (0..k.cloud.len()).map(|i| k.mean(i))).collect();
     let near = near_selected(&means, selection);
     (0..sums.len())
         .map(|i| match sums.score(i) {

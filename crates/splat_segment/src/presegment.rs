@@ -146,7 +146,7 @@ pub fn presegment(
     let mut means = Vec::with_capacity(scene.len());
     for instance in &scene.instances {
         let n = instance.cloud.len();
-        means.par_extend((0..n).into_par_iter().map(|i| instance.transform.apply(instance.cloud.means()[i])));
+        means.par_extend((0..n).into_par_iter().map(|i| instance.mean(i)));
         regions.par_extend((0..n).into_par_iter().map(|i| {
             if !instance.cloud.drawable(i) {
                 return Region::Unknown;

@@ -114,10 +114,7 @@ pub struct Projected {
 
 /// Mean and covariance of Gaussian `i` of an instance in the scene's space.
 pub fn placed(instance: &Instance, i: usize) -> (Vec3, Mat3) {
-    let t = &instance.transform;
-    let m = Mat3::from_quat(t.rotation * instance.cloud.rotation(i))
-        * Mat3::from_diagonal(instance.cloud.scale(i) * t.scale);
-    (t.apply(instance.cloud.means()[i]), m * m.transpose())
+    (instance.mean(i), instance.covariance(i))
 }
 
 /// A Gaussian in a view; `None` at or behind the near plane or where a number is not finite.

@@ -151,14 +151,35 @@ impl Deformation {
     }
 
     /// A box around Gaussians whose means are within `rest` (least and largest corner) and whose largest standard
-    /// deviation is `sigma`: the nodes, grown by three deviations at the largest stretch, and by how far the means reach
-    /// beyond the cage.
+    /// deviation is `sigma`: that of [`Deformation::bounds_of`], grown by three deviations at the largest stretch.
     pub fn bounds(&self, rest: (Vec3, Vec3), sigma: f32) -> (Vec3, Vec3) {
-        let start = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let (low, high) = self.positions.iter().fold(start, |(low, high), p| (low.min(*p), high.max(*p)));
-        let end = self.cage.origin + self.cage.cells.as_vec3() * self.cage.cell;
-        let beyond = (self.cage.origin - rest.0).max(rest.1 - end).max(Vec3::ZERO).length();
-        let grown = Vec3::splat(3.0 * sigma.max(0.0) * self.largest_stretch + beyond);
+        let (low, high) = self.bounds_of(rest);
+        let grown = Vec3::splat(3.0 * sigma.max(0.0) * self.largest_stretch.max(1.0));
+        (low - grown, high + grown)
+    }
+
+    /// A box around where the points of the box `rest` (least and largest corner) are now: the nodes of the cells that it
+    /// meets, grown by how far it reaches beyond the cage.
+    pub fn bounds_of(&self, rest: (Vec3, Vec3)) -> (Vec3, Vec3) {
+        let cage = &self.cage;
+        // A little more than exact: which cell a point on a face is in is a matter of rounding.
+        let margin = Vec3::splat(1e-3 * cage.cell);
+        let first = cage.locate(rest.0 - margin).node;
+        let last = cage.locate(rest.1 + margin).node + UVec3::ONE;
+        let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        for z in first.z..=last.z {
+            for y in first.y..=last.y {
+                let row = cage.node_index(UVec3::new(first.x, y, z));
+                for p in &self.positions[row..=row + (last.x - first.x) as usize] {
+                    low = low.min(*p);
+                    high = high.max(*p);
+                }
+            }
+        }
+        let end = cage.origin + cage.cells.as_vec3() * cage.cell;
+        let beyond = (cage.origin - rest.0).max(rest.1 - end).max(Vec3::ZERO).length();
+        // Places are sums of what they were and of how far they moved: a little for the rounding of that.
+        let grown = Vec3::splat(beyond + 1e-5 * (low.abs().max(high.abs()).max_element() + beyond));
         (low - grown, high + grown)
     }
 }

@@ -18,6 +18,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, Weak};
 
 use rayon::prelude::*;
+use splat_core::deform::Deformation;
 use splat_core::{Cloud, Selection, Similarity, View};
 
 use self::bin::{Binning, Bins};
@@ -74,6 +75,7 @@ struct InstanceKey {
     hidden: Option<Weak<Selection>>,
     subset: Option<Weak<[u32]>>,
     tint: Option<Weak<[[u8; 4]]>>,
+    deformation: Option<Weak<Deformation>>,
     transform: Similarity,
 }
 
@@ -96,6 +98,7 @@ impl Key {
                 same(&key.hidden, &instance.hidden)
                     && same(&key.subset, &instance.subset)
                     && (!color || same(&key.tint, &instance.tint))
+                    && same(&key.deformation, &instance.deformation)
                     && key.cloud.as_ptr() == Arc::as_ptr(&instance.cloud)
                     && key.transform == instance.transform
             })
@@ -108,6 +111,7 @@ impl Key {
             hidden: i.hidden.as_ref().map(Arc::downgrade),
             subset: i.subset.as_ref().map(Arc::downgrade),
             tint: i.tint.as_ref().map(Arc::downgrade),
+            deformation: i.deformation.as_ref().map(Arc::downgrade),
             transform: i.transform,
         }));
         (self.view, self.color) = (Some(*view), color);

@@ -6,6 +6,7 @@
 )]
 
 use glam::{Mat3, Vec3};
+use splat_core::deform::{Deformation, LocalDeformation};
 use splat_core::{Cloud, Projection, Selection, View, sh};
 
 use super::simd::{GROUP, Group, Kernel, Simd, exp2_precise, log2};
@@ -28,6 +29,7 @@ pub(super) struct Setup<'a> {
     /// The cloud's ids of the instance's Gaussians, unless it has all.
     subset: Option<&'a [u32]>,
     tint: Option<&'a [[u8; 4]]>,
+    deformation: Option<&'a Deformation>,
     /// Scene-wide id of the first Gaussian.
     first_id: u32,
     /// Rows map the cloud's space to camera space, scale included.
@@ -68,6 +70,7 @@ impl<'a> Setup<'a> {
             hidden: instance.hidden.as_deref(),
             subset: instance.subset.as_deref(),
             tint: instance.tint.as_deref(),
+            deformation: instance.deformation.as_deref(),
             first_id,
             rows: [view_from_cloud.row(0), view_from_cloud.row(1), view_from_cloud.row(2)],
             origin: (view_from_world * (translation - position)).as_vec3(),
@@ -122,6 +125,9 @@ struct Lanes {
     log_scale: [Group<f32>; 3],
     rotation: [Group<f32>; 4],
     logit: Group<f32>,
+    /// Columns of the deformation gradients, and the quaternions of their rotations; not written where nothing is bent.
+    gradient: [Group<f32>; 9],
+    turn: [Group<f32>; 4],
     /// Camera-space means.
     view: [Group<f32>; 3],
     /// The splat's own numbers, in the order of [`Splat`]'s fields up to `z`.
@@ -168,7 +174,12 @@ impl Project<'_> {
                 };
             }
             for i in 0..count {
-                let m = means[cloud_id(at + i)];
+                let mut m = means[cloud_id(at + i)];
+                if let Some(deformation) = setup.deformation {
+                    let local = deformation.at(m);
+                    bend(&mut lanes, i, &local);
+                    m = local.position;
+                }
                 lanes.mean[0].0[i] = m.x;
                 lanes.mean[1].0[i] = m.y;
                 lanes.mean[2].0[i] = m.z;
@@ -240,6 +251,38 @@ fn tinted(color: [f32; 3], tint: [u8; 4]) -> [f32; 3] {
     [0, 1, 2].map(|c| color[c] + (f32::from(tint[c]) / 255.0 - color[c]) * strength)
 }
 
+/// Notes in lane `i` what a deformation does to its Gaussian.
+fn bend(lanes: &mut Lanes, i: usize, local: &LocalDeformation) {
+    for (to, v) in lanes.gradient.iter_mut().zip(local.gradient.to_cols_array()) {
+        to.0[i] = v;
+    }
+    for (to, v) in lanes.turn.iter_mut().zip(local.rotation.to_array()) {
+        to.0[i] = v;
+    }
+}
+
+/// A covector at the deformed Gaussians, as one at those at rest: `F^T v`.
+#[inline(always)]
+fn pulled_back<S: Simd>(s: S, gradient: &[Group<f32>; 9], part: usize, v: [S::F; 3]) -> [S::F; 3] {
+    let column = |k: usize| {
+        let c = [0, 1, 2].map(|r| s.load(&gradient[3 * k + r], part));
+        dot(s, c, v)
+    };
+    [column(0), column(1), column(2)]
+}
+
+/// A direction turned back by unit quaternions.
+#[inline(always)]
+fn turned_back<S: Simd>(s: S, turn: &[Group<f32>; 4], part: usize, v: [S::F; 3]) -> [S::F; 3] {
+    let [x, y, z, w] = [0, 1, 2, 3].map(|k| s.load(&turn[k], part));
+    let cross = |a: [S::F; 3]| {
+        [s.fnma(a[2], y, s.mul(a[1], z)), s.fnma(a[0], z, s.mul(a[2], x)), s.fnma(a[1], x, s.mul(a[0], y))]
+    };
+    let t = cross(v).map(|t| s.add(t, t));
+    let u = cross(t);
+    [0, 1, 2].map(|k| s.add(s.fma(w, t[k], v[k]), u[k]))
+}
+
 /// Hidden bits of 16 Gaussians from `at` on.
 fn hidden_bits(hidden: &Selection, at: usize) -> u32 {
     // Blocks start at multiples of 16, so a group never straddles two words.
@@ -293,8 +336,12 @@ fn to_pixels<S: Simd>(s: S, setup: &Setup, lanes: &mut Lanes) -> u32 {
             Some(_) => (zero, zero),
             None => (limit(s, px, setup.limits[0]), limit(s, py, setup.limits[1])),
         };
-        let j0 = jacobian_row(s, setup, 0, scale, lx);
-        let j1 = jacobian_row(s, setup, 1, scale, ly);
+        let mut j0 = jacobian_row(s, setup, 0, scale, lx);
+        let mut j1 = jacobian_row(s, setup, 1, scale, ly);
+        if setup.deformation.is_some() {
+            j0 = pulled_back(s, &lanes.gradient, part, j0);
+            j1 = pulled_back(s, &lanes.gradient, part, j1);
+        }
 
         // Both rows of the Jacobian in the Gaussian's own axes, times its scales: the covariance is their products.
         let axes = rotation_columns(s, stored);
@@ -438,6 +485,9 @@ fn basis<S: Simd>(s: S, setup: &Setup, degree: u8, lanes: &mut Lanes, to: &mut [
                 Some(direction) => s.splat(direction[k]),
                 None => s.sub(d[k], s.splat(setup.camera[k])),
             };
+        }
+        if setup.deformation.is_some() {
+            d = turned_back(s, &lanes.turn, part, d);
         }
         let square = dot(s, d, d);
         let unit = s.div(s.splat(1.0), s.sqrt(s.max(square, s.splat(1e-30))));

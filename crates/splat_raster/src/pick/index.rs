@@ -4,7 +4,10 @@ use std::collections::BTreeMap;
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use splat_core::{Cloud, Projection, Similarity, View};
+use splat_core::deform::Deformation;
+use splat_core::{Cloud, Projection, View};
+
+use crate::Instance;
 
 /// Gaussians of a leaf, and children of a node.
 const FAN: usize = 8;
@@ -23,6 +26,12 @@ struct Node {
 
 impl Node {
     const EMPTY: Self = Self { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY, reach: 0.0 };
+
+    /// Where the means are in a bent cloud, and how far their Gaussians may reach.
+    fn deformed(&self, by: &Deformation) -> Self {
+        let (low, high) = by.bounds_of((self.low, self.high));
+        Self { low, high, reach: self.reach * by.largest_stretch().max(1.0) }
+    }
 
     fn join(self, other: &Self) -> Self {
         Self { low: self.low.min(other.low), high: self.high.max(other.high), reach: self.reach.max(other.reach) }
@@ -81,12 +90,13 @@ impl PickIndex {
         self.len == 0
     }
 
-    /// Every Gaussian that counts at a pixel, and others near it; ids rise.
-    pub(super) fn near(&self, transform: &Similarity, view: &View, pixel: Vec2) -> Vec<u32> {
-        let ray = Ray::new(transform, view, pixel);
+    /// Every Gaussian of the instance's cloud that counts at a pixel, and others near it; ids rise.
+    pub(super) fn near(&self, instance: &Instance, view: &View, pixel: Vec2) -> Vec<u32> {
+        let ray = Ray::new(&instance.transform, view, pixel);
+        let deformation = instance.deformation.as_deref();
         let mut ids = Vec::new();
         for tree in &self.trees {
-            tree.near(&ray, &mut ids);
+            tree.near(&ray, deformation, &mut ids);
         }
         ids.sort_unstable();
         ids
@@ -109,10 +119,11 @@ impl Tree {
         Self { ids, levels }
     }
 
-    fn near(&self, ray: &Ray, ids: &mut Vec<u32>) {
+    fn near(&self, ray: &Ray, deformation: Option<&Deformation>, ids: &mut Vec<u32>) {
         let mut open = vec![(self.levels.len() - 1, 0)];
         while let Some((level, i)) = open.pop() {
-            if !ray.meets(&self.levels[level][i]) {
+            let node = &self.levels[level][i];
+            if !ray.meets(&deformation.map_or(*node, |deformation| node.deformed(deformation))) {
                 continue;
             }
             if level == 0 {
@@ -147,7 +158,7 @@ struct Ray {
 }
 
 impl Ray {
-    fn new(transform: &Similarity, view: &View, pixel: Vec2) -> Self {
+    fn new(transform: &splat_core::Similarity, view: &View, pixel: Vec2) -> Self {
         let inverse = transform.inverse();
         let origin = inverse.apply(view.unproject(pixel, 0.0));
         let direction = inverse.apply(view.unproject(pixel, 1.0)) - origin;

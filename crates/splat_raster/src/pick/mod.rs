@@ -128,7 +128,7 @@ fn candidates(index: &PickIndex, instance: &Instance, view: &View, pixel: Vec2) 
     if index.len() != instance.cloud.len() {
         return Err(RasterError::Length { what: "index", found: index.len(), expected: instance.cloud.len() });
     }
-    let mut ids = index.near(&instance.transform, view, pixel);
+    let mut ids = index.near(instance, view, pixel);
     if let Some(subset) = &instance.subset {
         ids.retain(|id| subset.binary_search(id).is_ok());
     }
@@ -146,7 +146,14 @@ fn shortest_axis(instance: &Instance, gaussian: u32, view: &View, z: f32, pixel:
     } else {
         Vec3::Z
     };
-    let axis = instance.transform.rotation_matrix() * (cloud.rotation(i) * axis);
+    let mut axis = cloud.rotation(i) * axis;
+    if let Some(deformation) = &instance.deformation {
+        // As normals go: by the inverse transposed, up to a factor.
+        let f = deformation.at(cloud.means()[i]).gradient;
+        let cofactors = Mat3::from_cols(f.y_axis.cross(f.z_axis), f.z_axis.cross(f.x_axis), f.x_axis.cross(f.y_axis));
+        axis = (cofactors * axis).try_normalize().unwrap_or(axis);
+    }
+    let axis = instance.transform.rotation_matrix() * axis;
     let ray = view.unproject(pixel, z) - view.unproject(pixel, 0.0);
     if axis.dot(ray) > 0.0 { -axis } else { axis }
 }
@@ -160,9 +167,16 @@ fn peak(instance: &Instance, gaussian: u32, view: &View, pixel: Vec2) -> Option<
     let scale = cloud.scale(i).as_dvec3();
     // No axis is so thin that its square vanishes beside the longest one's.
     let scale = scale.max(DVec3::splat(1e-6 * scale.max_element()));
-    let axes = Mat3::from_quat(cloud.rotation(i)).transpose().as_dmat3();
+    let mut axes = Mat3::from_quat(cloud.rotation(i)).transpose().as_dmat3();
+    let mut mean = cloud.means()[i];
+    if let Some(deformation) = &instance.deformation {
+        // The inverse of F S F^T is that of S, seen through the inverse of F.
+        let local = deformation.at(mean);
+        mean = local.position;
+        axes *= local.gradient.as_dmat3().inverse();
+    }
     let along = axes * ray / scale;
-    let to_mean = axes * (cloud.means()[i].as_dvec3() - origin) / scale;
+    let to_mean = axes * (mean.as_dvec3() - origin) / scale;
     let z = (along.dot(to_mean) / along.length_squared()) as f32;
     (z.is_finite() && z > view.near).then_some(z)
 }

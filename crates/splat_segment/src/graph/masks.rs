@@ -56,10 +56,10 @@ pub fn outside_in_sight(
     let mut out = Selection::none(scene.len());
     for (k, instance) in scene.instances.iter().enumerate() {
         let offset = scene.offset(k);
-        for (i, &mean) in instance.cloud.means().iter().enumerate() {
+        for i in 0..instance.cloud.len() {
             let outside = match regions[offset + i] {
                 Region::Unconnected => true,
-                Region::Out => view.project(instance.transform.apply(mean)).is_some_and(|(pixel, z)| {
+                Region::Out => view.project(instance.mean(i)).is_some_and(|(pixel, z)| {
                     let (x, y) = (pixel.x.max(0.0) as u32, pixel.y.max(0.0) as u32);
                     let at = y.min(view.height - 1) as usize * view.width as usize + x.min(view.width - 1) as usize;
                     depth[at].is_nan() || z <= depth[at] * (1.0 + ON_SURFACE)
