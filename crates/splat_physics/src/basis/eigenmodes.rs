@@ -36,7 +36,8 @@ pub(super) fn weights(
     let mut coefficients = cell_means(cage, materials, |material| stiffness(material).powf(exponent))?;
     let (sum, count) =
         coefficients.iter().fold((0.0, 0.0), |(sum, count), &c| (sum + c, count + f64::from(u8::from(c > 0.0))));
-    coefficients.iter_mut().for_each(|c| *c *= count / sum);
+    // Rounded, so that a factor common to all moduli does not show in the last bits, which would turn modes of one value.
+    coefficients.iter_mut().for_each(|c| *c = f64::from((*c * count / sum) as f32));
     let least = coefficients.iter().copied().filter(|&c| c > 0.0).fold(f64::INFINITY, f64::min);
 
     progress.report(0.0);

@@ -7,6 +7,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par, Side};
 
 use super::pencil::{Factor, Pencil};
+use super::start::start;
 use super::{BasisError, Progress, random};
 
 /// Columns that are solved for at once for each piece: as many modes of one value are found in it. More at once cost more altogether.
@@ -134,8 +135,14 @@ impl<'a> Space<'a> {
     /// Adds a random block.
     fn draw(&mut self, count: usize, seed: u64, draws: &mut u64) {
         *draws += 1;
-        let n = self.pencil.len();
-        let x = Mat::from_fn(n, count, |row, column| random::unit(seed, *draws, (row * count + column) as u64) - 0.5);
+        let x = if *draws == 1 {
+            start(self.pencil, count, seed)
+        } else {
+            let place = |row, column| (row * count + column) as u64;
+            Mat::from_fn(self.pencil.len(), count, |row, column| {
+                random::unit(seed, 1 + *draws, place(row, column)) - 0.5
+            })
+        };
         if self.blocks.last().is_some_and(|block| block.count == 0) {
             self.blocks.pop();
         }
@@ -185,27 +192,30 @@ impl<'a> Space<'a> {
     fn append(&mut self, mut x: Mat<f64>) -> Mat<f64> {
         let (n, width) = (x.nrows(), x.ncols());
         let mut mx = Mat::zeros(n, width);
-        let lengths: Vec<f64> = {
-            self.pencil.mass_times(x.as_ref(), mx.as_mut());
-            (0..width).map(|c| dot(&x, &mx, c, c).max(0.0).sqrt()).collect()
-        };
         let mut along = Mat::zeros(self.used, width);
         matmul(along.as_mut(), Accum::Replace, self.mq.subcols(0, self.used).transpose(), x.as_ref(), 1.0, Par::Seq);
         matmul(x.as_mut(), Accum::Add, self.q.subcols(0, self.used), along.as_ref(), -1.0, Par::Seq);
         self.pencil.mass_times(x.as_ref(), mx.as_mut());
+        let lengths: Vec<f64> =
+            (0..width).map(|c| (dot(&x, &mx, c, c).max(0.0) + along.col(c).squared_norm_l2()).sqrt()).collect();
         let mut coefficients = Mat::<f64>::zeros(width, width);
         let mut kept: Vec<usize> = Vec::new();
         for c in 0..width {
-            // Twice is enough (Kahan): what the first pass leaves is rounding.
+            let mut length = dot(&x, &mx, c, c).max(0.0).sqrt();
+            // Twice is enough, and once where little is taken out (Kahan).
             for _ in 0..2 {
+                let before = length;
                 for (k, &d) in kept.iter().enumerate() {
                     let along = dot(&x, &mx, c, d);
                     coefficients[(k, c)] += along;
                     subtract(&mut x, c, d, along);
                     subtract(&mut mx, c, d, along);
                 }
+                length = dot(&x, &mx, c, c).max(0.0).sqrt();
+                if length > 0.7 * before {
+                    break;
+                }
             }
-            let length = dot(&x, &mx, c, c).max(0.0).sqrt();
             if length > DEPENDENT * lengths[c] && length.is_finite() {
                 coefficients[(kept.len(), c)] = length;
                 scale(&mut x, c, 1.0 / length);

@@ -17,6 +17,7 @@ mod pieces;
 mod progress;
 mod random;
 mod simplicits;
+mod start;
 #[cfg(test)]
 mod tests;
 mod volume;

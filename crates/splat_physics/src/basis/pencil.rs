@@ -18,6 +18,8 @@ pub(super) const LEAST_FILL: f64 = 0.05;
 
 /// `K` and `M` in units of cells: sides 1, coefficients relative to their mean.
 pub(super) struct Pencil {
+    /// Of the cage, along each axis.
+    pub(super) nodes: UVec3,
     /// Number of the cage's node, by row.
     pub(super) node_of_row: Vec<u32>,
     /// Upper triangles of `K` and `M`, by columns.
@@ -54,7 +56,14 @@ impl Pencil {
                 }
             }
         }
-        let mut this = Self { node_of_row, starts: vec![0], rows: Vec::new(), stiffness: Vec::new(), mass: Vec::new() };
+        let mut this = Self {
+            nodes: cage.cage.nodes(),
+            node_of_row,
+            starts: vec![0],
+            rows: Vec::new(),
+            stiffness: Vec::new(),
+            mass: Vec::new(),
+        };
         let nodes = cage.cage.nodes().as_ivec3();
         let mut column = Vec::new();
         for (at, stencil) in stencils.iter().enumerate() {
@@ -83,6 +92,12 @@ impl Pencil {
 
     pub(super) fn len(&self) -> usize {
         self.node_of_row.len()
+    }
+
+    /// A row's node, along each axis.
+    pub(super) fn place(&self, row: usize) -> UVec3 {
+        let (node, n) = (self.node_of_row[row], self.nodes);
+        UVec3::new(node % n.x, node / n.x % n.y, node / (n.x * n.y))
     }
 
     /// `out = M x`, by columns.

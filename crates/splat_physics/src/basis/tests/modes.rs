@@ -142,11 +142,16 @@ fn stiff_regions_bend_less() {
     // The flux c dw/dx is continuous, and c differs by the root of the ratio of the moduli; it falls over the length of a cell.
     let ratio = slope(9) / slope(10);
     assert!((ratio / 10.0 - 1.0).abs() < 0.15, "{ratio}");
-    let even = modes(&solid, 20, &[material(1e6, 0.3), material(1e6, 0.3)], 8).1;
-    let plain = modes(&beam(), 20, &[material(3e8, 0.3)], 8).1;
-    for (a, b) in even.nodes.iter().zip(&plain.nodes) {
-        assert!((a - b).abs() < 1e-4, "a factor common to all moduli changes nothing");
-    }
+}
+
+#[test]
+fn a_factor_common_to_all_moduli_changes_nothing() {
+    let mut solid = beam();
+    let dims = solid.grid.dims;
+    solid.regions.iter_mut().enumerate().for_each(|(k, region)| *region = u8::from(k as u32 % dims.x >= 10));
+    let one = modes(&solid, 20, &[material(1e6, 0.3), material(1e6, 0.3)], 8).1;
+    let other = modes(&beam(), 20, &[material(3e8, 0.3)], 8).1;
+    assert_eq!(one, other);
 }
 
 #[test]
