@@ -103,6 +103,12 @@ pub enum PartPhysicsWarning {
     Overlaps(f64),
     /// The part was raised by so many metres along up, out of what it stood in.
     Raised(f64),
+    /// Its surface has gaps too wide to close: its convex hull was filled.
+    Open,
+    /// It is a sheet: its surface is all there is of it.
+    Thin,
+    /// It is of something soft, which would be seen to swing at about so many Hz: better an elastic part.
+    Bends(f64),
     /// Another shape was used than the one asked for.
     Shape {
         /// The one asked for.
@@ -125,6 +131,11 @@ impl fmt::Display for PartPhysicsWarning {
                 write!(f, "the part is {:.3} m inside what it stands on and will be pushed out of it", depth)
             }
             Self::Raised(height) => write!(f, "the part was raised by {:.3} m out of what it stood in", height),
+            Self::Open => f.write_str("the part's surface has gaps too wide to close: it weighs what its hull would"),
+            Self::Thin => f.write_str("the part is a sheet: it weighs what its surface does"),
+            Self::Bends(frequency) => {
+                write!(f, "its material would swing at {frequency:.1} Hz for all to see: better an ElasticPart")
+            }
             Self::Shape { asked, used } => write!(f, "the part cannot have the shape {asked}: it has {used}"),
             Self::Note(sentence) => f.write_str(sentence),
         }

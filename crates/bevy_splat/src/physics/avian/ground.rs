@@ -1,0 +1,118 @@
+//! Colliders of what is left of a capture.
+
+use std::hash::{DefaultHasher, Hasher};
+use std::sync::Arc;
+
+use avian3d::parry::math::Pose;
+use avian3d::parry::shape::{SharedShape, TriMesh, TriMeshFlags, Voxels};
+use avian3d::prelude::*;
+use bevy::ecs::lifecycle::Remove;
+use bevy::math::{DVec3, Quat, Vec3};
+use bevy::prelude::*;
+use splat_physics::{Ground, GroundSurface};
+
+use super::super::ground::CaptureGround;
+use super::super::jobs::Watch;
+
+/// A collider of a piece of ground, in units of the cloud.
+#[derive(Clone, Debug)]
+pub(in super::super) struct Piece {
+    /// Of what it was made from: pieces with equal keys are equal.
+    key: u64,
+    collider: Collider,
+}
+
+/// A child of a capture that carries a piece of its ground.
+#[derive(Component, Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct GroundChild(u64);
+
+/// The capture's `RigidBody` is this crate's.
+#[derive(Component, Clone, Copy, Debug)]
+pub(super) struct GivenBody;
+
+/// The collider of each piece; those that are empty have none.
+pub(in super::super) fn pieces(ground: &Ground, metres_per_unit: f64, watch: &Watch) -> Arc<[Piece]> {
+    let piece = |chunk: &splat_physics::GroundChunk| {
+        if watch.cancelled() {
+            return None;
+        }
+        let mut hasher = DefaultHasher::new();
+        let shape = shape(&chunk.surface, metres_per_unit, &mut hasher)?;
+        Some(Piece { key: hasher.finish(), collider: shape.into() })
+    };
+    ground.chunks().iter().filter_map(piece).collect()
+}
+
+/// The shape of a piece in units of the cloud; what it is made of goes into `hasher`.
+fn shape(surface: &GroundSurface, metres_per_unit: f64, hasher: &mut DefaultHasher) -> Option<SharedShape> {
+    let mut unit = |p: DVec3| {
+        let p = (p / metres_per_unit).as_vec3();
+        p.to_array().into_iter().for_each(|x| hasher.write_u32(x.to_bits()));
+        p
+    };
+    match surface {
+        GroundSurface::Plane { normal, offset } => {
+            let pose = Pose::from_parts(unit(*normal * *offset), Quat::IDENTITY);
+            let space = SharedShape::halfspace(normal.as_vec3().normalize());
+            Some(SharedShape::compound(vec![(pose, space)]))
+        }
+    }
+}
+
+type Grounds<'a> = (Entity, &'a CaptureGround, Option<&'a Children>, Has<RigidBody>);
+
+/// Gives captures whose ground has changed the colliders of it, those that are the same excepted.
+pub(super) fn give(
+    mut commands: Commands,
+    grounds: Query<Grounds, Changed<CaptureGround>>,
+    pieces: Query<&GroundChild>,
+) {
+    for (entity, ground, children, has_body) in &grounds {
+        if !has_body {
+            commands.entity(entity).insert((RigidBody::Static, GivenBody));
+        }
+        // On each child: avian asks a collider's body for its friction, but not for its restitution.
+        let surface = (
+            Friction::new(ground.friction[0] as f32).with_static_coefficient(ground.friction[1] as f32),
+            Restitution::new(ground.restitution as f32),
+        );
+        let mut wanted: Vec<&Piece> = ground.colliders.iter().collect();
+        for child in children.into_iter().flatten() {
+            let Ok(piece) = pieces.get(*child) else { continue };
+            match wanted.iter().position(|wanted| wanted.key == piece.0) {
+                Some(same) => {
+                    wanted.swap_remove(same);
+                    commands.entity(*child).insert(surface);
+                }
+                None => commands.entity(*child).despawn(),
+            }
+        }
+        for piece in wanted {
+            let name = Name::new("ground");
+            commands.spawn((
+                piece.collider.clone(),
+                GroundChild(piece.key),
+                Transform::IDENTITY,
+                name,
+                ChildOf(entity),
+            ));
+        }
+    }
+}
+
+/// Takes colliders away with the ground they are of.
+pub(super) fn forget(
+    removed: On<Remove, CaptureGround>,
+    mut commands: Commands,
+    captures: Query<(Option<&Children>, Has<GivenBody>)>,
+    pieces: Query<(), With<GroundChild>>,
+) {
+    let entity = removed.event().entity;
+    let Ok((children, given)) = captures.get(entity) else { return };
+    for child in children.into_iter().flatten().filter(|child| pieces.contains(**child)) {
+        commands.entity(*child).try_despawn();
+    }
+    if given && let Ok(mut capture) = commands.get_entity(entity) {
+        capture.try_remove::<(RigidBody, GivenBody)>();
+    }
+}
