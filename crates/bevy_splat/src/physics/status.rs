@@ -107,8 +107,6 @@ pub enum PartPhysicsWarning {
     Open,
     /// It is a sheet: its surface is all there is of it.
     Thin,
-    /// It is of something soft, which would be seen to swing at about so many Hz: better an elastic part.
-    Bends(f64),
     /// Another shape was used than the one asked for.
     Shape {
         /// The one asked for.
@@ -133,9 +131,6 @@ impl fmt::Display for PartPhysicsWarning {
             Self::Raised(height) => write!(f, "the part was raised by {:.3} m out of what it stood in", height),
             Self::Open => f.write_str("the part's surface has gaps too wide to close: it weighs what its hull would"),
             Self::Thin => f.write_str("the part is a sheet: it weighs what its surface does"),
-            Self::Bends(frequency) => {
-                write!(f, "its material would swing at {frequency:.1} Hz for all to see: better an ElasticPart")
-            }
             Self::Shape { asked, used } => write!(f, "the part cannot have the shape {asked}: it has {used}"),
             Self::Note(sentence) => f.write_str(sentence),
         }

@@ -4,10 +4,10 @@ use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 
 use avian3d::parry::math::Pose;
-use avian3d::parry::shape::{SharedShape, TriMesh, TriMeshFlags, Voxels};
+use avian3d::parry::shape::SharedShape;
 use avian3d::prelude::*;
 use bevy::ecs::lifecycle::Remove;
-use bevy::math::{DVec3, Quat, Vec3};
+use bevy::math::{DVec3, Quat};
 use bevy::prelude::*;
 use splat_physics::{Ground, GroundSurface};
 

@@ -1,5 +1,6 @@
 use bevy::prelude::*;
 use splat_core::PartId;
+use splat_physics::Material;
 
 use super::*;
 use crate::testing;

@@ -338,9 +338,9 @@ fn warnings(made: &Made, materials: Option<&BodyMaterials>) -> Vec<PartPhysicsWa
     let length = (high - low).max_element();
     let material = materials.materials[0];
     if material.elastic()
-        && let Advice::Elastic { frequency } = material.visible_motion(length, RATE)
+        && let Advice::Elastic(sentence) = material.visible_motion(length, RATE)
     {
-        warnings.push(PartPhysicsWarning::Bends(frequency));
+        warnings.push(PartPhysicsWarning::Note(sentence));
     }
     warnings
 }

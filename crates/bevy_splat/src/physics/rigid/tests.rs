@@ -10,8 +10,8 @@ use splat_core::{PartId, Parts, SelectMode, Selection};
 
 use super::super::*;
 use super::*;
-use crate::parts::{SplatPart, SplatPartCommands, SplatPartsPlugin, restore_part};
-use crate::{PartOf, SplatCloud, SplatFlags, SplatParts, SplatSelection, SplatSubset, Splats, testing};
+use crate::parts::{SplatPartCommands, SplatPartsPlugin, restore_part};
+use crate::{SplatCloud, SplatFlags, SplatParts, SplatSelection, SplatSubset, Splats, testing};
 
 mod degenerate;
 mod drop;
