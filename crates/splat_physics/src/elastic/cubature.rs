@@ -33,8 +33,8 @@ fn random(seed: u64, k: u64) -> f64 {
     ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// About `count` samples, stratified: one for each material in each cell of a coarse grid, near the centre of what it stands for
-/// but moved about, since samples in rows miss what lies between the rows.
+/// About `count` samples, stratified: one for each material in each cell of a coarse grid, moved about by up to
+/// half a cell to each side: samples in rows miss what lies between the rows, and parts become too soft.
 ///
 /// Their volumes add up to the solid's.
 pub(super) fn samples(solid: &Solid, count: usize, seed: u64) -> Vec<Sample> {
@@ -56,7 +56,7 @@ pub(super) fn samples(solid: &Solid, count: usize, seed: u64) -> Vec<Sample> {
         .map(|(k, cell)| {
             let place = |axis: u64| random(seed, 3 * k as u64 + axis) - 0.5;
             let center = cell.sum / cell.weight;
-            let wanted = center + 0.5 * side * DVec3::new(place(0), place(1), place(2));
+            let wanted = center + side * DVec3::new(place(0), place(1), place(2));
             let distance = |v: usize| solid.grid.center(v).distance_squared(wanted);
             let nearest = cell.voxels.iter().copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b)));
             let position = nearest.map_or(center, |v| {
