@@ -10,18 +10,22 @@ use super::hull::hull;
 use super::morphology::{Mask, faces, large_pieces};
 use super::occupancy::occupancy;
 use super::regions::spread;
+use super::thickness::thickness;
 use super::{Leaks, Pieces, Solid, SolidError, SolidReport, SolidSettings, VoxelGrid};
 
 /// A piece is large above one part in so many of the largest.
 const LARGE: usize = 100;
 /// More large pieces are no body.
 const MOST_PIECES: usize = 32;
-/// A surface that holds less than so many times its shell leaks,
+/// A surface that holds so many times its shell is closed.
 const ENCLOSES: f64 = 1.5;
-/// unless it fills so much of its convex hull: then it is a thin thing that encloses nothing.
+/// If none of the closings does, the one that holds most is taken if it holds so much, as a thing of thin limbs does: one of eight
+/// voxels 1.3 times its shell, while a ball that leaks holds 1.03 times.
+const LIMBS: f64 = 1.25;
+/// What fills so much of its convex hull encloses nothing and need not.
 const FILLS_HULL: f64 = 0.5;
-/// Voxels with all six neighbours, as a share of all, in a body that is more than two voxels thick somewhere.
-const CORE: f64 = 0.02;
+/// What is less voxels thick is flat: its two sides cannot be told apart.
+const FLAT: f64 = 2.5;
 
 impl Solid {
     /// The solid of the Gaussians `ids` of `cloud`, in metres, in the body's frame.
@@ -50,6 +54,10 @@ impl Solid {
         if shell.count() == 0 {
             return Err(SolidError::EmptyOccupancy { cut: settings.cut });
         }
+        let thick = thickness(&shell, &grid);
+        if thick < FLAT {
+            return Err(SolidError::TooThin { voxels: thick.round().max(1.0) as u32, thickness: thick * grid.voxel });
+        }
 
         let closed = Closed::new(&shell, &grid, settings)?;
         let (filled, pieces, largest) = large_pieces(&closed.filled, LARGE, settings.pieces == Pieces::Largest);
@@ -57,10 +65,6 @@ impl Solid {
             return Err(SolidError::Disconnected { pieces, largest });
         }
         let left_out = 1.0 - filled.count() as f64 / closed.filled.count() as f64;
-        let core = (0..grid.len()).filter(|&voxel| depth_above_one(&filled, voxel)).count();
-        if (core as f64) < CORE * filled.count() as f64 && !(closed.leaked && settings.leaks == Leaks::Shell) {
-            return Err(SolidError::TooThin { voxels: 2, thickness: 2.0 * grid.voxel });
-        }
 
         let skin = shell_of(&filled, &closed.shell);
         let mut weights: Vec<f32> =
@@ -128,15 +132,22 @@ impl Closed {
             Self { shell, filled, closing, base, leaked: false }
         };
         let bottoms = if settings.close_bottom { &[false, true][..] } else { &[false] };
+        let mut best: Option<(f64, Self)> = None;
         for closing in 1..=settings.max_closing {
             for &bottom in bottoms {
                 let closed = attempt(closing, bottom);
-                if closed.encloses() {
+                let holds = closed.holds();
+                if holds >= ENCLOSES {
                     return Ok(closed);
+                }
+                if holds >= LIMBS && best.as_ref().is_none_or(|(most, _)| holds > *most) {
+                    best = Some((holds, closed));
                 }
             }
         }
-        // A thin thing encloses nothing, and need not.
+        if let Some((_, closed)) = best {
+            return Ok(closed);
+        }
         let thin = attempt(1, settings.close_bottom);
         let convex = hull(&room, grid);
         if thin.filled.count() as f64 >= FILLS_HULL * convex.count() as f64 {
@@ -159,9 +170,9 @@ impl Closed {
         }
     }
 
-    /// Whether it holds much more than its shell.
-    fn encloses(&self) -> bool {
-        self.filled.count() as f64 >= ENCLOSES * shell_of(&self.filled, &self.shell).count() as f64
+    /// How many times its shell it holds.
+    fn holds(&self) -> f64 {
+        self.filled.count() as f64 / shell_of(&self.filled, &self.shell).count().max(1) as f64
     }
 }
 

@@ -43,10 +43,10 @@ pub enum SolidError {
         /// Share of the largest, 0..=1.
         largest: f64,
     },
-    /// The part is nowhere thick.
-    #[error("the part is nowhere thicker than {voxels} voxels ({thickness:.2e} m): use a box, or more voxels")]
+    /// The part is flat: its sides cannot be told apart.
+    #[error("the part is flat, about {voxels} voxels ({thickness:.2e} m) thick: use a box, or more voxels")]
     TooThin {
-        /// How many voxels it is thick at most.
+        /// About how many voxels it is thick.
         voxels: u32,
         /// What that is in metres.
         thickness: f64,

@@ -6,6 +6,7 @@
 //! | occupancy | voxels that the Gaussians make opaque: the shell | `occupancy.rs` |
 //! | base | close the underside | `base.rs` |
 //! | filling | close holes, flood from outside; what is not reached is inside | `morphology.rs` |
+//! | thickness | tell what is flat | `thickness.rs` |
 //! | leaks | where it does not close: its hull | `hull.rs` |
 //! | weights | half for the shell, walls of hollow things | `build.rs`, `hollow.rs` |
 //! | regions | materials from the shell inwards | `regions.rs` |
@@ -26,6 +27,7 @@ mod report;
 mod settings;
 #[cfg(test)]
 mod tests;
+mod thickness;
 
 use glam::{DVec3, UVec3};
 

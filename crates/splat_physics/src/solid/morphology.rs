@@ -46,16 +46,20 @@ impl Mask {
     }
 
     /// What can be reached from the grid's first voxel through faces of voxels that are not set.
+    ///
+    /// The grid's faces must not be set: so a step that leaves a row ends in another row's end, which is outside as well.
     pub(super) fn outside(&self) -> Self {
+        let row = self.dims.x as usize;
+        let steps = [1, row, row * self.dims.y as usize];
         let mut reached = vec![0u8; self.voxels.len()];
-        let mut stack = vec![0u32];
+        let mut stack = vec![0usize];
+        reached[0] = 1;
         while let Some(voxel) = stack.pop() {
-            let voxel = voxel as usize;
-            if self.voxels[voxel] != 0 || std::mem::replace(&mut reached[voxel], 1) != 0 {
-                continue;
+            for near in steps.into_iter().flat_map(|step| [voxel.wrapping_sub(step), voxel + step]) {
+                if self.voxels.get(near) == Some(&0) && std::mem::replace(&mut reached[near], 1) == 0 {
+                    stack.push(near);
+                }
             }
-            let free = |&(near, _): &(usize, usize)| self.voxels[near] == 0 && reached[near] == 0;
-            stack.extend(faces(voxel, self.dims).filter(free).map(|(near, _)| near as u32));
         }
         Self { dims: self.dims, voxels: reached }
     }

@@ -30,6 +30,7 @@ struct Blob {
     reach: Vec3,
     /// Half sides of the box around what counts, along its own axes.
     half: Vec3,
+    /// Of a voxel it meets: less than the Gaussian's own where it covers only a part of the voxel's face.
     opacity: f32,
     region: u8,
     /// First and last voxel of the box along the grid's axes.
@@ -51,7 +52,10 @@ impl Blob {
         let low = (mean - around - 0.5).ceil().clamp(Vec3::ZERO, last).as_uvec3();
         let high = (mean + around - 0.5).floor().clamp(Vec3::ZERO, last).as_uvec3();
         let (turn, inverse_sigma) = (axes.transpose(), 1.0 / sigma);
-        Self { mean, turn, inverse_sigma, reach, half, opacity: splat.opacity, region: splat.region, low, high }
+        let mut area: [f32; 3] = (sigma * std::f32::consts::TAU.sqrt()).min(Vec3::ONE).to_array();
+        area.sort_unstable_by(f32::total_cmp);
+        let opacity = splat.opacity * area[1] * area[2];
+        Self { mean, turn, inverse_sigma, reach, half, opacity, region: splat.region, low, high }
     }
 
     /// How opaque it makes the voxel whose centre is at `q` along its own axes, from its mean.

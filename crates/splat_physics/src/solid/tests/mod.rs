@@ -1,4 +1,7 @@
+mod captures;
 mod clouds;
+mod degenerate;
+mod shapes;
 mod sphere;
 
 use clouds::*;
