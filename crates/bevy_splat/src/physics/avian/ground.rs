@@ -4,10 +4,11 @@ use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 
 use avian3d::parry::math::Pose;
-use avian3d::parry::shape::SharedShape;
+use avian3d::parry::shape::{SharedShape, TriMeshFlags, Voxels};
+use avian3d::parry::utils::Array2;
 use avian3d::prelude::*;
 use bevy::ecs::lifecycle::Remove;
-use bevy::math::{DVec3, Quat};
+use bevy::math::{DVec3, IVec3, Quat, Vec3};
 use bevy::prelude::*;
 use splat_physics::{Ground, GroundSurface};
 
@@ -43,19 +44,50 @@ pub(in super::super) fn pieces(ground: &Ground, metres_per_unit: f64, watch: &Wa
     ground.chunks().iter().filter_map(piece).collect()
 }
 
-/// The shape of a piece in units of the cloud; what it is made of goes into `hasher`.
+/// The shape of a piece in units of the cloud, `None` for one that is empty; what it is made of goes into `hasher`.
 fn shape(surface: &GroundSurface, metres_per_unit: f64, hasher: &mut DefaultHasher) -> Option<SharedShape> {
-    let mut unit = |p: DVec3| {
-        let p = (p / metres_per_unit).as_vec3();
+    fn mix(hasher: &mut DefaultHasher, p: Vec3) -> Vec3 {
         p.to_array().into_iter().for_each(|x| hasher.write_u32(x.to_bits()));
         p
+    }
+    let mut unit = |p: DVec3| mix(hasher, (p / metres_per_unit).as_vec3());
+    let placed = |at: Vec3, rotation: Quat, shape: SharedShape| {
+        Some(SharedShape::compound(vec![(Pose::from_parts(at, rotation.normalize()), shape)]))
     };
     match surface {
         GroundSurface::Plane { normal, offset } => {
-            let pose = Pose::from_parts(unit(*normal * *offset), Quat::IDENTITY);
-            let space = SharedShape::halfspace(normal.as_vec3().normalize());
-            Some(SharedShape::compound(vec![(pose, space)]))
+            let (at, normal) = (unit(*normal * *offset), unit(*normal * metres_per_unit));
+            placed(at, Quat::IDENTITY, SharedShape::halfspace(normal.normalize()))
         }
+        GroundSurface::Heights { origin, rotation, spacing, dims: [columns, rows], heights } => {
+            let (columns, rows) = (*columns as usize, *rows as usize);
+            let side = DVec3::new((columns.max(2) - 1) as f64, 0.0, (rows.max(2) - 1) as f64) * *spacing;
+            // Parry's are about their middle.
+            let at = unit(*origin + *rotation * (0.5 * side));
+            let scale = unit(side + DVec3::Y * metres_per_unit);
+            let turn = rotation.as_quat();
+            if columns < 2 || rows < 2 || heights.len() != columns * rows {
+                return None;
+            }
+            // Parry has z fastest.
+            let sample = |k: usize| unit(DVec3::Y * f64::from(heights[k / rows + columns * (k % rows)])).y;
+            let heights = Array2::new(rows, columns, (0..rows * columns).map(sample).collect());
+            placed(at, turn, SharedShape::heightfield(heights, scale))
+        }
+        GroundSurface::Mesh(mesh) => {
+            let vertices: Vec<Vec3> = mesh.vertices.iter().map(|&p| unit(p)).collect();
+            mesh.triangles.as_flattened().iter().for_each(|&k| hasher.write_u32(k));
+            // Feet and wheels catch on edges between triangles of one plane otherwise.
+            SharedShape::trimesh_with_flags(vertices, mesh.triangles.clone(), TriMeshFlags::FIX_INTERNAL_EDGES).ok()
+        }
+        GroundSurface::Voxels { origin, rotation, voxel, cells } => {
+            let (at, size) = (unit(*origin), unit(DVec3::splat(*voxel)));
+            cells.iter().for_each(|cell| cell.to_array().into_iter().for_each(|k| hasher.write_u32(k)));
+            let cells: Vec<IVec3> = cells.iter().map(|cell| cell.as_ivec3()).collect();
+            let sound = !cells.is_empty() && size.is_finite() && size.x > 0.0;
+            sound.then(|| placed(at, rotation.as_quat(), SharedShape::new(Voxels::new(size, &cells))))?
+        }
+        _ => None,
     }
 }
 

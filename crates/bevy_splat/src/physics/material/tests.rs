@@ -42,7 +42,7 @@ fn what_is_nearest_to_a_part_says_what_it_is_made_of() {
     let capture = world.spawn(listed("foam_soft").with(back, PartMaterial::preset("wood_hard"))).id();
     let chair = world.spawn((PartOf(capture), SplatPart(PartId(1)), PartMaterial::preset("steel"))).id();
     let inner = world.spawn((PartOf(chair), SplatPart(seat))).id();
-    let mut of = |world: &mut World, entity: Entity| {
+    let of = |world: &mut World, entity: Entity| {
         let mut state = bevy::ecs::system::SystemState::<Materials>::new(world);
         state.get(world).unwrap().of(entity, "plywood").map(Option::unwrap)
     };
