@@ -75,8 +75,8 @@ pub mod tools;
 
 pub use asset::SplatCloud;
 pub use components::{
-    DefaultSplatHighlight, SplatFlags, SplatHighlight, SplatParts, SplatSelection, SplatSubset, SplatTint,
-    SplatTintChange,
+    DefaultSplatHighlight, SplatDeformation, SplatFlags, SplatHighlight, SplatParts, SplatSelection, SplatSubset,
+    SplatTint, SplatTintChange,
 };
 pub use parts::{PartOf, SplatPart, SplatPartCommands};
 pub use plugins::BevySplatPlugins;

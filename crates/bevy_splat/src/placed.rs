@@ -9,7 +9,7 @@ use bevy::prelude::*;
 use splat_core::{Cloud, SelectMode, Selection};
 use splat_raster::Instance;
 
-use crate::components::{SplatFlags, SplatSubset};
+use crate::components::{SplatDeformation, SplatFlags, SplatSubset};
 use crate::render::similarity;
 use crate::{SplatCloud, Splats};
 
@@ -30,6 +30,7 @@ type Components<'a> = (
     &'a SplatFlags,
     Option<&'a SplatSubset>,
     Option<&'a RenderLayers>,
+    Option<&'a SplatDeformation>,
 );
 
 /// All `Splats` entities whose clouds are loaded.
@@ -53,7 +54,7 @@ impl PlacedSplats<'_, '_> {
 
     /// Every cloud that an entity shows, each as often as it is shown.
     pub(crate) fn clouds(&self) -> impl Iterator<Item = (AssetId<SplatCloud>, &Arc<Cloud>)> {
-        let cloud = |(_, handle, ..): (_, &Splats, _, _, _, _, _)| (handle.0.id(), self.clouds.get(&handle.0));
+        let cloud = |(_, handle, ..): (_, &Splats, _, _, _, _, _, _)| (handle.0.id(), self.clouds.get(&handle.0));
         self.splats.iter().map(cloud).filter_map(|(id, asset)| Some((id, &asset?.cloud)))
     }
 
@@ -61,10 +62,18 @@ impl PlacedSplats<'_, '_> {
     pub(crate) fn seen_on(&self, layers: Option<&RenderLayers>) -> Vec<Entity> {
         let default = RenderLayers::default();
         let camera = layers.unwrap_or(&default);
-        let on =
-            |(entity, _, _, visible, _, _, layers): (_, _, _, &InheritedVisibility, _, _, Option<&RenderLayers>)| {
-                (visible.get() && camera.intersects(layers.unwrap_or(&RenderLayers::default()))).then_some(entity)
-            };
+        let on = |(entity, _, _, visible, _, _, layers, _): (
+            _,
+            _,
+            _,
+            &InheritedVisibility,
+            _,
+            _,
+            Option<&RenderLayers>,
+            _,
+        )| {
+            (visible.get() && camera.intersects(layers.unwrap_or(&RenderLayers::default()))).then_some(entity)
+        };
         let mut seen: Vec<Entity> = self.splats.iter().filter_map(on).collect();
         seen.sort_unstable();
         seen
@@ -72,7 +81,7 @@ impl PlacedSplats<'_, '_> {
 
     /// The entity as an instance in the world; `None` while it is loading or where its transform cannot be drawn.
     pub(crate) fn instance(&self, entity: Entity, ids: Ids) -> Option<Instance> {
-        let (_, handle, transform, _, flags, subset, _) = self.splats.get(entity).ok()?;
+        let (_, handle, transform, _, flags, subset, _, deformation) = self.splats.get(entity).ok()?;
         let cloud = self.clouds.get(&handle.0)?.cloud.clone();
         let subset = fitting(subset, cloud.len());
         let (hidden, subset) = match ids {
@@ -83,13 +92,14 @@ impl PlacedSplats<'_, '_> {
             transform: similarity(transform)?,
             hidden: hidden.map(Arc::new),
             subset,
+            deformation: deformation.map(|d| d.0.clone()),
             ..Instance::new(cloud)
         })
     }
 
     /// Gaussians that cannot be selected: hidden, locked, or not the entity's own.
     pub(crate) fn withheld(&self, entity: Entity) -> Option<Selection> {
-        let (_, handle, _, _, flags, subset, _) = self.splats.get(entity).ok()?;
+        let (_, handle, _, _, flags, subset, ..) = self.splats.get(entity).ok()?;
         let len = self.clouds.get(&handle.0)?.cloud.len();
         Some(withheld(&[&flags.hidden, &flags.locked], fitting(subset, len), len))
     }

@@ -21,8 +21,8 @@ pub use crate::tools::{
     ToolProjection, ToolSettings, ToolTargets,
 };
 pub use crate::{
-    BevySplatPlugins, DefaultSplatHighlight, PartOf, SplatCloud, SplatFlags, SplatHighlight, SplatPart,
-    SplatPartCommands, SplatParts, SplatSelection, SplatSubset, SplatTint, Splats, UPRIGHT,
+    BevySplatPlugins, DefaultSplatHighlight, PartOf, SplatCloud, SplatDeformation, SplatFlags, SplatHighlight,
+    SplatPart, SplatPartCommands, SplatParts, SplatSelection, SplatSubset, SplatTint, Splats, UPRIGHT,
 };
 pub use splat_core::{self, Cloud, CloudArrays, Mask2d, PartId, Parts, SelectMode, Selection, glam};
 pub use splat_segment::project::{DepthTolerance, Footprint};

@@ -4,6 +4,7 @@
 //! shows only some of a cloud's Gaussians. Bits of a length other than the cloud's are reset once it is loaded, see
 //! [`SplatFitSystems`](crate::asset::SplatFitSystems).
 
+mod deformation;
 mod flags;
 mod highlight;
 mod part_table;
@@ -11,6 +12,7 @@ mod selection;
 mod subset;
 mod tint;
 
+pub use deformation::SplatDeformation;
 pub use flags::SplatFlags;
 pub use highlight::{DefaultSplatHighlight, SplatHighlight};
 pub use part_table::SplatParts;

@@ -216,6 +216,7 @@ impl Drawn {
                     && same_arc(&a.hidden, &b.hidden)
                     && same_arc(&a.subset, &b.subset)
                     && same_arc(&a.tint, &b.tint)
+                    && same_arc(&a.deformation, &b.deformation)
             })
     }
 }

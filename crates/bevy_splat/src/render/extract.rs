@@ -14,10 +14,12 @@ use bevy::log::warn_once;
 use bevy::math::{Vec3, Vec3A};
 use bevy::render::Extract;
 use bevy::transform::components::GlobalTransform;
+use splat_core::deform::Deformation;
 use splat_core::{Cloud, Selection, Similarity};
 
 use super::selected::same_arc;
 use super::settings::{SplatBackend, SplatCamera};
+use crate::components::SplatDeformation;
 use crate::{SplatCloud, SplatFlags, SplatSelection, SplatSubset, SplatTint, Splats};
 
 /// The splats of the main world, as of this frame.
@@ -38,6 +40,7 @@ pub(super) struct ExtractedEntity {
     pub(super) hidden: Option<Arc<Selection>>,
     pub(super) subset: Option<Arc<[u32]>>,
     pub(super) tint: Option<Arc<[[u8; 4]]>>,
+    pub(super) deformation: Option<Arc<Deformation>>,
     pub(super) selected: Option<Arc<Selection>>,
     kept: Kept,
 }
@@ -71,6 +74,7 @@ type SplatComponents<'a> = (
     Option<Ref<'a, SplatSelection>>,
     Option<&'a SplatSubset>,
     Option<&'a SplatTint>,
+    Option<&'a SplatDeformation>,
 );
 
 type CameraComponents<'a> = (Entity, &'a Camera, &'a VisibleEntities, Option<&'a SplatCamera>);
@@ -86,7 +90,7 @@ pub(super) fn extract_splats(
     let extracted = &mut *extracted;
     extracted.backend = **backend;
     let mut old = std::mem::take(&mut extracted.entities);
-    for (entity, handle, transform, flags, selection, subset, tint) in &splats {
+    for (entity, handle, transform, flags, selection, subset, tint, deformation) in &splats {
         let Some(asset) = clouds.get(&handle.0) else { continue };
         let cloud = &asset.cloud;
         let Some(transform) = similarity(transform) else { continue };
@@ -104,6 +108,7 @@ pub(super) fn extract_splats(
             hidden: hidden.filter(fits),
             subset: subset.map(|s| s.0.clone()).filter(|ids| ids.last().is_none_or(|&id| (id as usize) < cloud.len())),
             tint: tint.map(|t| t.0.clone()).filter(|tint| tint.len() == cloud.len()),
+            deformation: deformation.map(|d| d.0.clone()),
             selected: selected.filter(fits),
             kept,
         };
@@ -156,25 +161,38 @@ pub(crate) fn similarity(transform: &GlobalTransform) -> Option<Similarity> {
 pub(super) struct BoundsOf {
     cloud: Weak<Cloud>,
     subset: Option<Arc<[u32]>>,
+    deformation: Option<Arc<Deformation>>,
+    rest: Rest,
 }
 
-type BoundedSplats<'a> = (Entity, &'a Splats, Option<&'a SplatSubset>, Option<&'a BoundsOf>);
+type BoundedSplats<'a> =
+    (Entity, &'a Splats, Option<&'a SplatSubset>, Option<&'a SplatDeformation>, Option<&'a mut BoundsOf>);
 
 /// Gives new, changed and reloaded captures their `Aabb`, so that cameras that look elsewhere do not draw them.
 pub(super) fn calculate_bounds(
     mut commands: Commands,
     clouds: Res<Assets<SplatCloud>>,
-    splats: Query<BoundedSplats, Without<NoAutoAabb>>,
+    mut splats: Query<BoundedSplats, Without<NoAutoAabb>>,
 ) {
-    for (entity, handle, subset, old) in &splats {
+    for (entity, handle, subset, deformation, old) in &mut splats {
         let Some(asset) = clouds.get(&handle.0) else { continue };
         let subset = subset.map(|s| &s.0);
-        let same = old.is_some_and(|old| {
-            same_arc(&old.subset, &subset.cloned()) && old.cloud.as_ptr() == Arc::as_ptr(&asset.cloud)
-        });
-        if !same {
-            let of = BoundsOf { cloud: Arc::downgrade(&asset.cloud), subset: subset.cloned() };
-            commands.entity(entity).try_insert((bounds(&asset.cloud, subset.map(|ids| &**ids)), of));
+        let deformation = deformation.map(|d| d.0.clone());
+        let same =
+            |old: &BoundsOf| same_arc(&old.subset, &subset.cloned()) && old.cloud.as_ptr() == Arc::as_ptr(&asset.cloud);
+        match old {
+            Some(old) if same(&old) && same_arc(&old.deformation, &deformation) => {}
+            // Only the pose is another: nothing is looked for in the cloud again.
+            Some(mut old) if same(&old) => {
+                commands.entity(entity).try_insert(old.rest.placed(deformation.as_deref()));
+                old.deformation = deformation;
+            }
+            _ => {
+                let rest = Rest::of(&asset.cloud, subset.map(|ids| &**ids));
+                let aabb = rest.placed(deformation.as_deref());
+                let (cloud, subset) = (Arc::downgrade(&asset.cloud), subset.cloned());
+                commands.entity(entity).try_insert((aabb, BoundsOf { cloud, subset, deformation, rest }));
+            }
         }
     }
 }
@@ -182,28 +200,52 @@ pub(super) fn calculate_bounds(
 /// Standard deviations at which the most opaque Gaussian falls under 1/255: `sqrt(2 ln 255)`.
 const REACH: f32 = 3.33;
 
-/// The box around all drawable Gaussians, each with as much around it as can be seen.
-fn bounds(cloud: &Cloud, subset: Option<&[u32]>) -> Aabb {
-    let (mut low, mut high) = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
-    let mut add = |i: usize| {
-        if cloud.drawable(i) {
-            // Beyond this a float's square overflows, and with it Bevy's own culling.
-            let reach = Vec3A::splat((REACH * cloud.log_scales()[i].max_element().exp()).min(1e15));
-            let mean = Vec3A::from(cloud.means()[i]).clamp(Vec3A::splat(-1e15), Vec3A::splat(1e15));
-            low = low.min(mean - reach);
-            high = high.max(mean + reach);
+/// What the boxes of all poses are made of.
+#[derive(Clone, Copy)]
+struct Rest {
+    /// The box around all drawable Gaussians, each with as much around it as can be seen; none where none is.
+    seen: Option<(Vec3A, Vec3A)>,
+    /// The box around their means.
+    means: (Vec3A, Vec3A),
+    /// How far the largest of them can be seen from its mean.
+    reach: f32,
+}
+
+impl Rest {
+    fn of(cloud: &Cloud, subset: Option<&[u32]>) -> Self {
+        let none = (Vec3A::INFINITY, Vec3A::NEG_INFINITY);
+        let ((mut low, mut high), mut means, mut largest) = (none, none, 0.0f32);
+        let mut add = |i: usize| {
+            if cloud.drawable(i) {
+                // Beyond this a float's square overflows, and with it Bevy's own culling.
+                let reach = (REACH * cloud.log_scales()[i].max_element().exp()).min(1e15);
+                let mean = Vec3A::from(cloud.means()[i]).clamp(Vec3A::splat(-1e15), Vec3A::splat(1e15));
+                low = low.min(mean - reach);
+                high = high.max(mean + reach);
+                means = (means.0.min(mean), means.1.max(mean));
+                largest = largest.max(reach);
+            }
+        };
+        match subset {
+            Some(ids) => ids.iter().map(|&id| id as usize).filter(|&id| id < cloud.len()).for_each(add),
+            None => (0..cloud.len()).for_each(&mut add),
         }
-    };
-    match subset {
-        Some(ids) => ids.iter().map(|&id| id as usize).filter(|&id| id < cloud.len()).for_each(add),
-        None => (0..cloud.len()).for_each(&mut add),
+        Self { seen: low.cmple(high).all().then_some((low, high)), means, reach: largest }
     }
-    if !low.cmple(high).all() {
-        return Aabb::from_min_max(Vec3::ZERO, Vec3::ZERO);
+
+    /// The box in the pose of a deformation.
+    fn placed(&self, deformation: Option<&Deformation>) -> Aabb {
+        let Some((mut low, mut high)) = self.seen else { return Aabb::from_min_max(Vec3::ZERO, Vec3::ZERO) };
+        if let Some(deformation) = deformation {
+            // Bounds take three standard deviations.
+            let (least, most) = deformation.bounds((self.means.0.into(), self.means.1.into()), self.reach / 3.0);
+            let limit = Vec3::splat(1e15);
+            (low, high) = (least.clamp(-limit, limit).into(), most.clamp(-limit, limit).into());
+        }
+        let (center, half) = (0.5 * (low + high), 0.5 * (high - low));
+        // One Gaussian far away moves the centre so far out that rounding would lose all the others.
+        Aabb { center, half_extents: half + 1e-5 * (center.abs() + half) }
     }
-    let (center, half) = (0.5 * (low + high), 0.5 * (high - low));
-    // One Gaussian far away moves the centre so far out that rounding would lose all the others.
-    Aabb { center, half_extents: half + 1e-5 * (center.abs() + half) }
 }
 
 #[cfg(test)]
@@ -241,6 +283,7 @@ mod tests {
             })
             .unwrap()
         };
+        let bounds = |cloud: &Cloud, subset: Option<&[u32]>| Rest::of(cloud, subset).placed(None);
         let three = cloud(vec![Vec3::ZERO, Vec3::X, Vec3::splat(f32::NAN), Vec3::new(0.0, 9.0, 0.0)]);
         let all = bounds(&three, None);
         let near = |a: Vec3A, b: Vec3A| a.distance(b) < 1e-3;

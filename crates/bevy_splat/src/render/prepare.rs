@@ -367,6 +367,7 @@ fn cpu_scene(entities: &[Entity], extracted: &ExtractedSplats) -> Scene {
             hidden: own.hidden.clone(),
             subset: own.subset.clone(),
             tint: own.tint.clone(),
+            deformation: own.deformation.clone(),
         }
     };
     Scene { instances: entities.iter().map(instance).collect() }
