@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use avian3d::dynamics::solver::islands::BodyIslandNode;
 use avian3d::parry::math::Pose;
 use avian3d::prelude::*;
 use bevy::math::{DMat3, DVec3, FloatExt};
@@ -15,23 +16,41 @@ use crate::physics::elastic::{
     ElasticState, ElasticTick, ObstacleMotion,
 };
 use crate::physics::ground::CaptureGround;
-use crate::physics::{SplatPhysicsSystems, elastic};
+use crate::physics::SplatPhysicsSystems;
 
 /// Adds the systems.
 pub(super) fn plugin(app: &mut App) {
-    app.init_resource::<Resisted>().add_systems(
+    app.init_resource::<Resisted>().add_observer(leave).add_systems(
         FixedPostUpdate,
         (
             own.in_set(ElasticPrepareSystems::Gather),
             find.in_set(ElasticPrepareSystems::Obstacles),
-            shove.in_set(SplatPhysicsSystems::Step).after(elastic::step),
+            shove.after(SplatPhysicsSystems::Step).before(PhysicsSystems::StepSimulation),
             feel.in_set(SplatPhysicsSystems::Writeback),
         ),
     );
 }
 
+/// Bodies that sleep and can be woken.
+type Asleep<'w, 's> = Query<'w, 's, (), (With<Sleeping>, With<BodyIslandNode>)>;
+
+fn wake(commands: &mut Commands, asleep: &Asleep, bodies: &[Entity]) {
+    for &body in bodies.iter().filter(|body| asleep.contains(**body)) {
+        commands.queue(WakeBody(body));
+    }
+}
+
+/// What lay on a part that is none any more has lost its support.
+fn leave(removed: On<Remove, ElasticState>, mut commands: Commands, asleep: Asleep, parts: Query<&ElasticState>) {
+    if let Ok(state) = parts.get(removed.event().entity) {
+        wake(&mut commands, &asleep, state.touched());
+    }
+}
+
 /// Gravity, pause and layers are avian's.
 fn own(
+    mut commands: Commands,
+    asleep: Asleep,
     gravity: Res<Gravity>,
     clock: Res<Time<Physics>>,
     mut tick: ResMut<ElasticTick>,
@@ -41,6 +60,7 @@ fn own(
     for (mut state, scale, layers) in &mut parts {
         let layers = layers.map(|layers| ElasticLayers { memberships: layers.memberships.0, filters: layers.filters.0 });
         let scale = scale.map_or(1.0, |scale| scale.0);
+        wake(&mut commands, &asleep, &state.take_left());
         state.set_surroundings((gravity.0 * scale).as_dvec3(), layers.unwrap_or_default());
     }
 }
@@ -218,13 +238,14 @@ fn shove(
     mut commands: Commands,
     shoves: Res<ElasticShoves>,
     obstacles: Res<ElasticObstacles>,
-    mut bodies: Query<(&mut LinearVelocity, &mut AngularVelocity, Option<&LockedAxes>, Has<Sleeping>)>,
+    asleep: Asleep,
+    mut bodies: Query<(&mut LinearVelocity, &mut AngularVelocity, Option<&LockedAxes>)>,
     mut resisted: ResMut<Resisted>,
 ) {
     let mut pushed = BTreeMap::new();
     for &ElasticShove { obstacle, linear, angular } in shoves.iter() {
         let Some(entity) = obstacles.get(obstacle).and_then(|obstacle| obstacle.entity) else { continue };
-        let Ok((mut velocity, mut spin, locked, asleep)) = bodies.get_mut(entity) else { continue };
+        let Ok((mut velocity, mut spin, locked)) = bodies.get_mut(entity) else { continue };
         let factor = resisted.factor(entity);
         let (linear, angular) = (linear * factor, angular * factor);
         if !(linear.is_finite() && angular.is_finite()) {
@@ -237,9 +258,7 @@ fn shove(
         if turns {
             spin.0 += angular.as_vec3();
         }
-        if asleep {
-            commands.queue(WakeBody(entity));
-        }
+        wake(&mut commands, &asleep, &[entity]);
         let left = resisted.0.get(&entity).map_or(1.0, |push| push.left);
         pushed.insert(entity, Push { linear, after: velocity.0.as_dvec3(), left });
     }

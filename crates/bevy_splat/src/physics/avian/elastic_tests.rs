@@ -185,7 +185,11 @@ fn runs_with_avian_have_the_same_bits() {
         let other = spawn(&mut app, ball(0.1, 1500), Transform::from_xyz(0.0, 0.25, 0.0), coarse(), foam());
         paused_until_ready(&mut app, &[part, other]);
         let cube = cube(&mut app, 0.2, 0.2, Vec3::new(0.05, 0.5, 0.0));
-        app.world_mut().spawn((RigidBody::Static, Collider::cuboid(4.0, 0.2, 4.0), Transform::from_xyz(0.0, -0.25, 0.0)));
+        app.world_mut().spawn((
+            RigidBody::Static,
+            Collider::cuboid(4.0, 0.2, 4.0),
+            Transform::from_xyz(0.0, -0.25, 0.0),
+        ));
         app.insert_resource(Gravity::default());
         for _ in 0..90 {
             app.update();

@@ -50,7 +50,7 @@ pub use setup::ElasticPartError;
 pub use state::ElasticState;
 pub use step::{ElasticShove, ElasticShoves};
 #[cfg(feature = "avian")]
-pub(super) use step::{ElasticTick, step};
+pub(super) use step::ElasticTick;
 
 use super::SplatPhysicsSystems::{Prepare, Setup, Step, Writeback};
 

@@ -163,7 +163,8 @@ pub(super) fn hold(
     for entity in order {
         let Ok((_, pin, hold, above)) = pins.get_mut(entity) else { continue };
         let owner = if states.contains(entity) { Some(entity) } else { above.map(ChildOf::parent) };
-        let Some((mut state, splats)) = owner.and_then(|owner| states.get_mut(owner).ok()) else { continue };
+        let Some(owner) = owner else { continue };
+        let Ok((mut state, splats)) = states.get_mut(owner) else { continue };
         let place = pin.target.map(|target| place_of(target, &targets));
         let kept = hold.as_ref().is_some_and(|hold| Arc::ptr_eq(&hold.model, state.body.model()) && !pin.is_changed());
         let Some(place) = place.map_or(Some((DQuat::IDENTITY, DVec3::ZERO)), |place| place) else {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use bevy::prelude::*;
 use splat_core::deform::Cage;
-use splat_physics::{Advice, ElasticModel, ElasticSettings, Material, MaterialError, Progress, Solid, SolidSettings};
+use splat_physics::{Advice, ElasticModel, ElasticSettings, Material, Progress, Solid, SolidSettings};
 
 use super::super::ground::{CaptureGround, StaticCapture};
 use super::super::jobs::{Job, JobKind, Watch};

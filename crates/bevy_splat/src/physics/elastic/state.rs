@@ -34,6 +34,8 @@ pub struct ElasticState {
     pub(super) bounds: (DVec3, DVec3),
     /// What it touched in the last step, in rising order.
     pub(super) touched: Vec<Entity>,
+    /// What it touched when it was put elsewhere.
+    pub(super) left: Vec<Entity>,
     /// What was near when it fell asleep, and the gravity and hands that it fell asleep under.
     pub(super) near: Vec<Option<Entity>>,
     pub(super) slept_under: (DVec3, Vec<Hand>),
@@ -104,6 +106,7 @@ impl ElasticState {
             layers: ElasticLayers::default(),
             bounds: (DVec3::ZERO, DVec3::ZERO),
             touched: Vec::new(),
+            left: Vec::new(),
             near: Vec::new(),
             slept_under: (DVec3::ZERO, Vec::new()),
             roused: true,
@@ -180,6 +183,12 @@ impl ElasticState {
         (self.gravity, self.layers) = (gravity, layers);
     }
 
+    /// What it touched when it was put elsewhere, once.
+    #[cfg(feature = "avian")]
+    pub(in super::super) fn take_left(&mut self) -> Vec<Entity> {
+        std::mem::take(&mut self.left)
+    }
+
     /// A box in world space that the part stays in during the step to come: least and greatest corner.
     pub fn reach(&self) -> (DVec3, DVec3) {
         self.bounds
@@ -246,6 +255,7 @@ impl ElasticState {
             let rotation = to.rotation * from.rotation.conjugate();
             self.body.carry(Frame { rotation, translation: to.translation - rotation * from.translation });
         }
+        self.left.append(&mut self.touched);
         self.drawn = *place;
         self.roused = true;
         self.settle();
@@ -271,5 +281,5 @@ pub(super) fn frame_of(place: &Transform) -> Frame {
 
 /// Whether a body can stand there.
 pub(super) fn is_sound(place: &Transform) -> bool {
-    place.translation.is_finite() && place.rotation.is_finite() && place.rotation.length_squared() > 1e-6
+    place.is_finite() && place.rotation.length_squared() > 1e-6
 }

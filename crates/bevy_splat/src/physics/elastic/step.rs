@@ -78,8 +78,8 @@ pub(super) fn step(
     for (part, (entity, state)) in parts.into_iter().enumerate() {
         members[of[part]].push(Member { entity, state: state.into_inner() });
     }
-    let told: Vec<IslandReport> =
-        members.into_par_iter().map(|members| Island::new(members, &all).step(tick.0)).collect();
+    let dt = tick.0;
+    let told: Vec<IslandReport> = members.into_par_iter().map(|members| Island::new(members, &all).step(dt)).collect();
     for island in told {
         shoves.0.extend(island.shoves);
         reports.0.extend(island.reports);
@@ -235,6 +235,7 @@ impl<'a> Island<'a> {
             state.body.wake();
         }
         state.roused = false;
+        state.left.clear();
         let others = neighbours.iter().filter_map(|n| {
             let (skin, surface) = (&*n.skin, self.surfaces[n.member].as_ref()?);
             Some(Other { index: n.member as u32, surface, skin, state: n.state })

@@ -44,7 +44,8 @@ fn a_pin_follows_its_target_and_lets_go_when_that_is_gone() {
     let part = beam(&mut app);
     let hand = app.world_mut().spawn(Transform::from_xyz(-0.3, 2.0, 0.0)).id();
     // On a child, so that there could be several; by Gaussians.
-    let cloud = &app.world().resource::<Assets<SplatCloud>>().get(&app.world().get::<Splats>(part).unwrap().0).unwrap().cloud;
+    let cloud =
+        &app.world().resource::<Assets<SplatCloud>>().get(&app.world().get::<Splats>(part).unwrap().0).unwrap().cloud;
     let ids: Vec<u32> = (0..cloud.len() as u32).filter(|&id| cloud.means()[id as usize].x < -0.25).collect();
     let region = PinRegion::Selection(SplatSubset(ids.into()));
     app.world_mut().spawn((Pin { region, target: Some(hand) }, ChildOf(part)));

@@ -30,7 +30,10 @@ fn a_soft_ball_falls_rests_on_the_ground_and_sleeps() {
         app.update();
         for contact in messages::<ElasticContact>(&app) {
             assert_eq!((contact.part, contact.other), (part, None));
-            assert!(contact.impulse.y > 0.0 && contact.normal == Vec3::Y && contact.point.y.abs() < 0.05, "{contact:?}");
+            assert!(
+                contact.impulse.y > 0.0 && contact.normal == Vec3::Y && contact.point.y.abs() < 0.05,
+                "{contact:?}"
+            );
             touched = true;
         }
     }
