@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use splat_core::{Cloud, Selection};
 use splat_io::ReadReport;
+use splat_io::scale::ScaleBeside;
 
 use crate::failure::Failure;
 use crate::terminal::{Terminal, gaussians, grouped};
@@ -21,14 +22,27 @@ pub(crate) struct Capture {
 }
 
 impl Capture {
-    /// Reads a file of any format, showing progress.
+    /// Reads a file of any format, showing progress; a scale that is kept beside it is in the cloud's source.
     ///
     /// # Errors
     /// [`Failure::Failed`] naming the file.
     pub(crate) fn read(path: &Path, terminal: &Terminal) -> Result<Self, Failure> {
         let working = terminal.progress(&format!("reading {}", path.display()), None);
-        let (cloud, report) = splat_io::read(path)?;
+        let (mut cloud, mut report) = splat_io::read(path)?;
         drop(working);
+        match splat_io::scale::read_beside(path, &cloud) {
+            Ok(ScaleBeside::Metres(metres)) => {
+                let mut arrays = cloud.into_arrays();
+                arrays.source.set_metres_per_unit(Some(metres));
+                cloud = Cloud::new(arrays)?;
+            }
+            Ok(ScaleBeside::Stale) => report.notes.push(format!(
+                "its scale was measured on other Gaussians and does not count; measure again with `splat scale`: {}",
+                splat_io::scale::beside_path(path).display()
+            )),
+            Ok(_) => {}
+            Err(error) => report.notes.push(error.to_string()),
+        }
         Ok(Self { path: path.to_path_buf(), cloud: Arc::new(cloud), report })
     }
 

@@ -13,6 +13,7 @@ mod failure;
 mod moves;
 mod paint;
 mod parse;
+mod places;
 mod prepare;
 mod terminal;
 

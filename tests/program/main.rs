@@ -7,5 +7,7 @@ mod check;
 mod common;
 mod eval;
 mod messages;
+mod orient_and_scale;
 mod pictures;
 mod select;
+mod simulate;

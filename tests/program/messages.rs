@@ -5,13 +5,14 @@ use std::fs;
 use crate::common::{done, folder, json, splat, three_heaps, write};
 
 /// Every command that reads a capture, with `FILE` for its name.
-const READERS: [&str; 7] = [
+const READERS: [&str; 8] = [
     "info FILE",
     "convert FILE out.spz",
     "render FILE -o out.png",
     "check FILE",
     "select FILE --rect 0,0,9,9 -o out.npy",
     "orient FILE -o out.ply",
+    "scale FILE --metres-per-unit 2 -o out.ply",
     "bench FILE --rounds 1",
 ];
 
@@ -69,6 +70,11 @@ fn command_lines_that_make_no_sense_give_code_2_and_a_way_on() {
         "select a.ply --grow 0",
         "orient a.ply --axes xxy",
         "orient a.ply --axes xyz --floor",
+        "orient a.ply --points 1,2",
+        "orient a.ply --floor --points 1,2,3",
+        "scale a.ply",
+        "scale a.ply --length 1",
+        "scale a.ply --metres-per-unit 0",
         "check a.ply --keep giants",
         "check a.ply --repair b.ply --keep nonsense",
         "bench a.ply --backend nonsense",

@@ -31,6 +31,7 @@
 //! | [`picking`] | the Gaussian under a pointer, through `bevy_picking` |
 //! | [`select`] | messages that change what is selected |
 //! | [`tools`] | rectangle, lasso, brush: pointer input as such messages |
+//! | [`orient`] | captures upright and in metres, by messages |
 //! | [`segment`] | one click to a whole object, in the background |
 //!
 //! [`BevySplatPlugins`] adds all of it; each plugin can be left out (`BevySplatPlugins.build().disable::<..>()`) or added
@@ -58,6 +59,7 @@
 
 pub mod asset;
 pub mod components;
+pub mod orient;
 pub mod parts;
 #[cfg(feature = "physics")]
 pub mod physics;

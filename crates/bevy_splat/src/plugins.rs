@@ -5,6 +5,7 @@ use bevy::prelude::*;
 
 use crate::asset::SplatAssetPlugin;
 use crate::components::SplatHighlightPlugin;
+use crate::orient::SplatOrientPlugin;
 use crate::parts::SplatPartsPlugin;
 use crate::picking::SplatPickingPlugin;
 use crate::render::SplatRenderPlugin;
@@ -23,6 +24,7 @@ use crate::tools::SplatToolsPlugin;
 /// | [`SplatPickingPlugin`] | the Gaussian under a pointer, for `bevy_picking` |
 /// | [`SplatSelectPlugin`] | selecting by messages |
 /// | [`SplatToolsPlugin`] | rectangle, lasso and brush; needs [`SplatSelectPlugin`] |
+/// | [`SplatOrientPlugin`] | captures upright and in metres, by messages |
 /// | [`SplatSegmentPlugin`] | one click to a whole object, in the background; needs [`SplatSelectPlugin`] |
 ///
 /// Without a window or a device leave drawing out: `BevySplatPlugins.build().disable::<SplatRenderPlugin>()`.
@@ -39,6 +41,7 @@ impl PluginGroup for BevySplatPlugins {
             .add(SplatPickingPlugin)
             .add(SplatSelectPlugin)
             .add(SplatToolsPlugin)
+            .add(SplatOrientPlugin)
             .add(SplatSegmentPlugin)
     }
 }

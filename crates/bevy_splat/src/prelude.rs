@@ -2,6 +2,9 @@
 
 pub use crate::asset::{SplatAssetPlugin, SplatCameras, SplatCloudSaver, SplatCloudSettings};
 pub use crate::components::SplatHighlightPlugin;
+pub use crate::orient::{OrientBy, OrientError, OrientFailed, OrientRequest, Oriented, SplatOrientPlugin};
+#[cfg(feature = "physics")]
+pub use crate::orient::{ScaleBy, ScaleRequest, Scaled};
 pub use crate::parts::{PartExtracted, PartRestored, PartsLookup, SplatPartsPlugin};
 pub use crate::picking::{SplatHit, SplatPartHandle, SplatPickingPlugin};
 pub use crate::render::{
@@ -24,5 +27,6 @@ pub use crate::{
     BevySplatPlugins, DefaultSplatHighlight, PartOf, SplatCloud, SplatDeformation, SplatFlags, SplatHighlight,
     SplatPart, SplatPartCommands, SplatParts, SplatSelection, SplatSubset, SplatTint, Splats, UPRIGHT,
 };
+pub use splat_core::orient::{AxisSign, AxisTarget};
 pub use splat_core::{self, Cloud, CloudArrays, Mask2d, PartId, Parts, SelectMode, Selection, glam};
 pub use splat_segment::project::{DepthTolerance, Footprint};

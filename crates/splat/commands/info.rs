@@ -38,6 +38,7 @@ struct Info {
     antialiased: bool,
     /// Where +X, +Y and +Z point, if the file says so.
     axes: Option<String>,
+    metres_per_unit: Option<f64>,
     content_hash: String,
     bounds: Option<Bounds>,
     robust: Option<Robust>,
@@ -102,6 +103,7 @@ impl Info {
             sh_degree: cloud.sh_degree(),
             antialiased: source.antialiased,
             axes: (!source.axes.is_empty()).then(|| source.axes.clone()),
+            metres_per_unit: source.metres_per_unit(),
             content_hash: format!("{:032x}", cloud.content_hash()),
             bounds: bounds(cloud, &drawable),
             robust: robust_bounds(cloud).map(|b| Robust {
@@ -137,6 +139,8 @@ impl Info {
         let kind = if self.antialiased { ", trained antialiased" } else { "" };
         line("SH degree", format!("{}{kind}", self.sh_degree));
         line("axes", self.axes.clone().unwrap_or_else(|| "not told (x right, y down, z forward is usual)".to_owned()));
+        let metres = self.metres_per_unit.map(|m| format!("{} metres per unit", short(m as f32)));
+        line("scale", metres.unwrap_or_else(|| "not known (`splat scale` measures it)".to_owned()));
         if let Some(b) = &self.bounds {
             line("bounds", format!("{} to {}", point(b.min), point(b.max)));
         }

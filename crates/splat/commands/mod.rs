@@ -14,8 +14,10 @@ pub(crate) mod main_job;
 mod orient;
 mod render;
 mod replay;
+mod scale;
 pub(crate) mod segment;
 mod select;
+mod simulate;
 
 use clap::ArgMatches;
 
@@ -48,6 +50,8 @@ pub(crate) static COMMANDS: &[Command] = &[
     replay::COMMAND,
     select::COMMAND,
     orient::COMMAND,
+    scale::COMMAND,
+    simulate::COMMAND,
     eval::COMMAND,
     bench::COMMAND,
     list::COMMAND,

@@ -1,8 +1,8 @@
-//! Principal axes onto chosen world axes, with or without a sign: [`align_to`].
+//! Principal axes onto chosen world axes, with or without a sign: [`align_to`]; axes and planes of what was moved.
 
 use glam::{Mat3, Quat};
 
-use super::{PrincipalAxes, about, told_apart};
+use super::{Floor, PrincipalAxes, about, positive, told_apart};
 use crate::Similarity;
 
 /// Turns whose angles differ by less are as near as each other, in radians (10 degrees).
@@ -89,4 +89,27 @@ pub fn align_to(axes: &PrincipalAxes, targets: [AxisTarget; 3]) -> Result<Aligne
     let rival = found.get(1).map(|f| f.0).filter(|other| other - angle < AS_NEAR);
     let rotation = Quat::from_mat3(&rotation).normalize();
     Ok(Aligned { transform: about(axes.center, rotation), angle, rival })
+}
+
+impl PrincipalAxes {
+    /// The axes of the same set after it was moved; signs are those of the new directions.
+    pub fn moved(&self, by: &Similarity) -> Self {
+        let turned = |k: usize| positive((by.rotation * self.axes[k]).as_dvec3()).as_vec3();
+        let (first, second) = (turned(0), turned(1));
+        Self {
+            center: by.apply(self.center),
+            axes: [first, second, first.cross(second)],
+            variances: self.variances.map(|v| v * by.scale * by.scale),
+            count: self.count,
+        }
+    }
+}
+
+impl Floor {
+    /// The same plane after the scene was moved.
+    pub fn moved(&self, by: &Similarity) -> Self {
+        let normal = by.rotation * self.normal;
+        let offset = by.scale * self.offset + normal.dot(by.translation);
+        Self { normal, offset, rival: self.rival.map(|(n, share)| (by.rotation * n, share)), ..*self }
+    }
 }

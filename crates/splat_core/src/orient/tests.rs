@@ -315,3 +315,24 @@ fn an_extent_leaves_floaters_out_and_counts_what_gaussians_cover() {
     assert_eq!(extent_along(&cloud, None, Vec3::ZERO), None);
     assert_eq!(extent_along(&Cloud::default(), None, Vec3::X), None);
 }
+
+#[test]
+fn axes_and_planes_move_along_with_the_scene() {
+    let by = Similarity { rotation: Quat::from_rotation_x(2.0), scale: 3.0, translation: Vec3::new(1.0, -2.0, 0.5) };
+    let cloud = floor_with_box(Quat::from_rotation_z(0.4));
+    let moved = cloud.transformed(&by);
+    let (a, b) = (principal_axes(&cloud, None).unwrap().moved(&by), principal_axes(&moved, None).unwrap());
+    for k in 0..3 {
+        assert!(
+            a.axes[k].dot(b.axes[k]) > 0.999 && (a.variances[k] / b.variances[k] - 1.0).abs() < 1e-3,
+            "{a:?} {b:?}"
+        );
+    }
+    assert!(a.center.distance(b.center) < 1e-3);
+    let floor = floor_plane(&cloud, None, Vec3::Y, &FloorSettings::default()).unwrap();
+    for &mean in cloud.means().iter().step_by(371) {
+        let height = floor.normal.dot(mean) - floor.offset;
+        let after = floor.moved(&by);
+        assert!((after.normal.dot(by.apply(mean)) - after.offset - 3.0 * height).abs() < 1e-4);
+    }
+}
