@@ -4,7 +4,9 @@
 //! |---|---|---|
 //! | material | [`Material`], [`PRESETS`]: how things weigh, bend, slide | `material/` |
 //! | solid | [`Solid`]: a filled volume of the shell that a part's Gaussians are | `solid/` |
-//! | surface | points on it | `surface/` |
+//! | surface | [`SurfaceMesh`], [`surface_points`]: triangles around it, points on it | `surface/` |
+//! | shape | [`Shape`]: what an engine collides with | `shape/` |
+//! | ground | [`Ground`], [`DistanceField`]: what is left of a capture, to stand on | `ground/` |
 //! | basis | [`skinning_weights`]: what an elastic part moves by, exchangeable ([`BasisKind`]) | `basis/` |
 //! | elastic | [`ElasticModel`], [`ElasticBody`]: reduced, implicit elasticity with contact | `elastic/` |
 //! | bake | files of what was worked out | `bake/` |
@@ -41,9 +43,11 @@
 mod bake;
 mod basis;
 mod elastic;
+mod ground;
 mod linear;
 mod mass;
 mod material;
+mod shape;
 mod solid;
 mod surface;
 pub mod world;
@@ -52,7 +56,9 @@ pub use bake::*;
 pub use basis::*;
 pub use elastic::*;
 pub use glam;
+pub use ground::*;
 pub use mass::MassProperties;
 pub use material::*;
 pub use solid::*;
-pub use surface::surface_points;
+pub use shape::*;
+pub use surface::{SurfaceMesh, surface_points};
