@@ -111,11 +111,6 @@ pub(super) struct PartSurface {
 }
 
 impl PartSurface {
-    /// Where the contact points are.
-    pub(super) fn positions(&self) -> &[DVec3] {
-        &self.positions
-    }
-
     /// Distance and normal of the surface at a point, if it is nearer than `reach`; negative inside. What is deeper inside than
     /// the points of the surface are apart is not found.
     pub(super) fn nearest(&self, point: DVec3, reach: f64) -> Option<(f64, DVec3)> {
