@@ -100,7 +100,7 @@ impl Candidates {
         if splats.len() < NEEDED {
             return Err(few(splats.len()));
         }
-        unused.far += drop_islands(&mut splats, middle, size);
+        unused.far += drop_islands(&mut splats, size);
         if splats.len() < NEEDED {
             return Err(few(splats.len()));
         }
@@ -108,9 +108,7 @@ impl Candidates {
         let (low, high) = quantiles(&splats, 0.005);
         let slack = 0.1 * (high - low).length() + 2.0 * typical;
         unused.far += retain(&mut splats, |s| s.mean.cmpge(low - slack).all() && s.mean.cmple(high + slack).all());
-        let (low, high) = splats
-            .iter()
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), s| (low.min(s.mean), high.max(s.mean)));
+        let (low, high) = extent(&splats);
         Ok(Self { splats, unused, low, high })
     }
 }
@@ -120,6 +118,12 @@ fn retain(splats: &mut Vec<Splat>, good: impl FnMut(&Splat) -> bool) -> usize {
     let before = splats.len();
     splats.retain(good);
     before - splats.len()
+}
+
+/// Least and greatest mean.
+fn extent(splats: &[Splat]) -> (DVec3, DVec3) {
+    let none = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    splats.iter().fold(none, |(low, high), splat| (low.min(splat.mean), high.max(splat.mean)))
 }
 
 /// Along each axis the mean that a share of all are below, and the one that as many are above.
@@ -136,11 +140,13 @@ fn quantiles(splats: &[Splat], share: f64) -> (DVec3, DVec3) {
 }
 
 /// Drops what hangs together with less than 1 % of what the largest piece has: floaters. How many are gone.
-fn drop_islands(splats: &mut Vec<Splat>, middle: DVec3, size: f64) -> usize {
+fn drop_islands(splats: &mut Vec<Splat>, size: f64) -> usize {
     let voxel = size / CELLS;
-    let cells = 2 * (REACH * CELLS) as u32 + 2;
-    let grid = VoxelGrid { origin: middle - 0.5 * f64::from(cells) * voxel, voxel, dims: UVec3::splat(cells) };
-    let cell = |p: DVec3| ((p - grid.origin) / voxel).clamp(DVec3::ZERO, DVec3::splat(f64::from(cells - 1))).as_uvec3();
+    let (low, high) = extent(splats);
+    let dims = ((high - low) / voxel).ceil().as_uvec3() + 3;
+    let grid = VoxelGrid { origin: low - voxel, voxel, dims };
+    let last = (dims - 1).as_dvec3();
+    let cell = |p: DVec3| ((p - grid.origin) / voxel).clamp(DVec3::ZERO, last).as_uvec3();
     let mut counts = vec![0u16; grid.len()];
     for splat in splats.iter() {
         let spread = splat.spread();
