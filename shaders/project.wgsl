@@ -1,6 +1,6 @@
 // Gaussians to splats, in place; those that no pixel sees get z = 0.
 //
-// In: a page of a cloud, of which `job` draws some; hidden bits, subset and tint where the flags say so.
+// In: a page of a cloud, of which `job` draws some; hidden bits, subset and tint where the flags say so; a bent cage (DEFORM).
 // Out: by slot `mean` in pixels, `shape_a` (along, shear), `shape_b` (across, level), `color` (half floats red, green | blue, 0)
 // and `z` (camera z, 0: culled; nothing else is written then).
 // Groups of BLOCK threads, a thread per Gaussian. CPU twin: cpu/project.rs; slow twin: `project_slow` in gpu/project.rs.
@@ -45,6 +45,64 @@ struct Job {
 @group(0) @binding(7) var<storage, read_write> shape_b: array<vec2<f32>>;
 @group(0) @binding(8) var<storage, read_write> color: array<vec2<u32>>;
 @group(0) @binding(9) var<storage, read_write> z: array<f32>;
+//#if DEFORM
+// A bent cage: its origin and the side of its cells; its cells along each axis; then four words a node, x fastest:
+// displacement, and the columns of the deformation gradient; the fourth numbers are the quaternion of its rotation.
+@group(0) @binding(10) var<storage, read> cage: array<vec4<f32>>;
+
+struct Bent {
+    position: vec3<f32>,
+    // Columns of the gradient.
+    x: vec3<f32>,
+    y: vec3<f32>,
+    z: vec3<f32>,
+    // Of unit length.
+    turn: vec4<f32>,
+}
+
+fn turned(q: vec4<f32>, v: vec3<f32>) -> vec3<f32> {
+    let t = 2.0 * cross(q.xyz, v);
+    return v + q.w * t + cross(q.xyz, t);
+}
+
+// What happens at a point of the rest shape; the slow twin is `Deformation::at`.
+fn bend(point: vec3<f32>) -> Bent {
+    let origin = cage[0];
+    let cells = cage[1].xyz;
+    let at = (point - origin.xyz) / origin.w;
+    let inside = clamp(at, vec3<f32>(0.0), cells);
+    let cell = min(floor(inside), cells - 1.0);
+    let b = inside - cell;
+    let a = 1.0 - b;
+    let n = vec2<u32>(cells.xy) + 1u;
+    let corner = vec3<u32>(cell);
+    let first = corner.x + n.x * (corner.y + n.y * corner.z);
+    var moved = vec4<f32>(0.0);
+    var x = vec4<f32>(0.0);
+    var y = vec4<f32>(0.0);
+    var z = vec4<f32>(0.0);
+    for (var k = 0u; k < 8u; k++) {
+        let up = vec3<bool>((k & 1u) != 0u, (k & 2u) != 0u, (k & 4u) != 0u);
+        let w = select(a, b, up);
+        let weight = w.x * w.y * w.z;
+        let node = 2u + 4u * (first + (k & 1u) + n.x * ((k >> 1u & 1u) + n.y * (k >> 2u)));
+        moved += weight * cage[node];
+        x += weight * cage[node + 1u];
+        y += weight * cage[node + 2u];
+        z += weight * cage[node + 3u];
+    }
+    let q = vec4<f32>(moved.w, x.w, y.w, z.w);
+    let square = dot(q, q);
+    let turn = select(vec4<f32>(0.0, 0.0, 0.0, 1.0), q * inverseSqrt(max(square, 1e-12)), square > 1e-12);
+    // Beyond the cage a point moves rigidly with the nearest point of it.
+    let beyond = (at - inside) * origin.w;
+    var position = point + moved.xyz;
+    if any(beyond != vec3<f32>(0.0)) {
+        position += turned(turn, beyond) - beyond;
+    }
+    return Bent(position, x.xyz, y.xyz, z.xyz, turn);
+}
+//#end
 
 fn has(flag: u32) -> bool {
     return (job.flags & flag) != 0u;
@@ -241,7 +299,13 @@ fn draw(slot: u32, id: u32) -> f32 {
     if word(at, 0u) == DEAD {
         return 0.0;
     }
-    let m = vec3<f32>(number(at, 0u), number(at, 1u), number(at, 2u));
+    let rest = vec3<f32>(number(at, 0u), number(at, 1u), number(at, 2u));
+//#if DEFORM
+    let bent = bend(rest);
+    let m = bent.position;
+//#else
+    let m = rest;
+//#end
     let x = dot(job.row_x.xyz, m) + job.row_x.w;
     let y = dot(job.row_y.xyz, m) + job.row_y.w;
     let depth = dot(job.row_z.xyz, m) + job.row_z.w;
@@ -256,8 +320,13 @@ fn draw(slot: u32, id: u32) -> f32 {
     let p = vec2<f32>(x, y) * scale;
     let uv = job.focal * p + job.center;
     let slope = select(clamp(p, job.limits.xz, job.limits.yw), vec2<f32>(0.0), parallel);
-    let j0 = job.focal.x * scale * (job.row_x.xyz - slope.x * job.row_z.xyz);
-    let j1 = job.focal.y * scale * (job.row_y.xyz - slope.y * job.row_z.xyz);
+    var j0 = job.focal.x * scale * (job.row_x.xyz - slope.x * job.row_z.xyz);
+    var j1 = job.focal.y * scale * (job.row_y.xyz - slope.y * job.row_z.xyz);
+//#if DEFORM
+    // A row times F S F^T is one times F, seen by the Gaussian at rest.
+    j0 = vec3<f32>(dot(bent.x, j0), dot(bent.y, j0), dot(bent.z, j0));
+    j1 = vec3<f32>(dot(bent.x, j1), dot(bent.y, j1), dot(bent.z, j1));
+//#end
 
     // Both rows of the Jacobian in the Gaussian's own axes, times its scales: the covariance is their products.
     let q = g.rotation;
@@ -316,6 +385,9 @@ fn draw(slot: u32, id: u32) -> f32 {
             let d = m - job.camera;
             seen = d * inverseSqrt(max(dot(d, d), 1e-30));
         }
+//#if DEFORM
+        seen = turned(vec4<f32>(-bent.turn.xyz, bent.turn.w), seen);
+//#end
         var rgb = clamp(harmonics(at, seen), vec3<f32>(0.0), vec3<f32>(BRIGHTEST));
         if has(FLAG_TINT) {
             let over = unpack4x8unorm(tint[id]);

@@ -39,7 +39,7 @@ macro_rules! stages {
 
 stages! {
     /// Gaussians to splats.
-    PROJECT = "project", &[&[], &["PACKED"]];
+    PROJECT = "project", &[&[], &["PACKED"], &["DEFORM"], &["PACKED", "DEFORM"]];
     /// Keys of the splats that may be seen.
     COMPACT = "compact", &[&["COUNT"], &[]];
     /// Prefix sums.

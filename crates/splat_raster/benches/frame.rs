@@ -9,10 +9,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use splat_core::glam::{Quat, Vec3};
+use splat_core::deform::{Cage, Deformation};
+use splat_core::glam::{Quat, UVec3, Vec3};
 use splat_core::{Cloud, CloudArrays, Mask2d, Pose, View};
 use splat_raster::cpu::{CpuRasterizer, InstructionSet, Timings};
-use splat_raster::{Features, Frame, Outputs, Rasterizer, Scene};
+use splat_raster::{Features, Frame, Instance, Outputs, Rasterizer, Scene};
 
 const SIZE: (u32, u32) = (1280, 720);
 const VIEWS: usize = 8;
@@ -69,6 +70,18 @@ fn captures() -> Vec<(&'static str, Cloud, Vec<View>)> {
     ["plaza", "desk"].into_iter().filter_map(read).collect()
 }
 
+/// The scene of one cloud, twisted by a cage of about 20 cells a side.
+fn bent(scene: &Scene) -> Scene {
+    let instance = &scene.instances[0];
+    let bounds = splat_core::bounds::robust_bounds(&instance.cloud).expect("a cloud to be seen");
+    let cell = (bounds.max - bounds.min).max_element().max(1e-3) / 20.0;
+    let cells = ((bounds.max - bounds.min) / cell).ceil().as_uvec3().max(UVec3::ONE);
+    let cage = Cage { origin: bounds.min, cell, cells };
+    let twist = |p: Vec3| Quat::from_rotation_y(0.02 * (p.y - bounds.center.y) / cell) * p;
+    let deformation = Some(Arc::new(Deformation::from_fn(cage, twist).expect("finite nodes")));
+    Scene { instances: vec![Instance { deformation, ..instance.clone() }] }
+}
+
 /// Draws frames and adds up what `cost` reads from their timings.
 fn draw(
     rasterizer: &mut CpuRasterizer,
@@ -121,6 +134,11 @@ fn frames(criterion: &mut Criterion) {
         for (stage, cost) in stages {
             group.bench_function(stage, |b| b.iter_custom(|n| draw(&mut best, &scene, &views, &color, n, cost)));
         }
+        // Bent by a cage, as an elastic part is: places, gradients and rotations for each Gaussian.
+        let bent = bent(&scene);
+        group.bench_function("project, bent", |b| {
+            b.iter_custom(|n| draw(&mut best, &bent, &views, &color, n, |t| t.project.cpu));
+        });
         for (case, outputs) in [("color", color), ("features", features), ("votes", votes), ("all outputs", all)] {
             group.bench_function(case, |b| b.iter_custom(|n| draw(&mut best, &scene, &views, &outputs, n, whole)));
         }

@@ -1,15 +1,15 @@
 //! Bent clouds: pictures against laws, baked poses and moved instances; picks against frames.
 
-mod common;
+#![cfg_attr(feature = "gpu", expect(clippy::print_stdout, reason = "what is skipped says so"))]
 
 use std::sync::Arc;
 
 use splat_core::deform::{Cage, Deformation};
 use splat_core::glam::{Quat, UVec3, Vec2, Vec3};
-use splat_core::{Cloud, CloudArrays, Pose, Similarity, View};
+use splat_core::{Cloud, CloudArrays, Pose, Selection, Similarity, View};
 use splat_raster::cpu::CpuRasterizer;
 use splat_raster::pick::{PickIndex, PickQuery, pick};
-use splat_raster::{Frame, Instance, Rasterizer, Scene};
+use splat_raster::{Frame, Instance, Outputs, Rasterizer, Scene};
 
 fn cage() -> Cage {
     Cage { origin: Vec3::splat(-1.3), cell: 0.13, cells: UVec3::splat(20) }
@@ -60,6 +60,7 @@ fn psnr(a: &[[f32; 4]], b: &[[f32; 4]]) -> f64 {
 
 /// Rasterisers to try: the CPU's, and the GPU's where there is one.
 fn rasterizers() -> Vec<(&'static str, Box<dyn Rasterizer>)> {
+    #[cfg_attr(not(feature = "gpu"), expect(unused_mut, reason = "the GPU's is added where it is built"))]
     let mut all: Vec<(&'static str, Box<dyn Rasterizer>)> = vec![("cpu", Box::new(CpuRasterizer::new()))];
     #[cfg(feature = "gpu")]
     match splat_raster::gpu::Gpu::headless(splat_raster::gpu::GpuOptions::default()) {
@@ -174,7 +175,7 @@ fn picks_are_the_first_hits_of_the_bent_frame() {
     let indices: Vec<PickIndex> = bent.instances.iter().map(|i| PickIndex::new(&i.cloud)).collect();
     let known: Vec<Option<&PickIndex>> = indices.iter().map(Some).collect();
     let mut frame = Frame::default();
-    let outputs = splat_raster::Outputs { first_hits: Some(0.5), ..Default::default() };
+    let outputs = Outputs { first_hits: Some(0.5), ..Outputs::default() };
     CpuRasterizer::new().draw(&bent, &view(), &outputs, &mut frame).unwrap();
     let mut hits = [0; 2];
     for k in 0..300u32 {
@@ -208,5 +209,32 @@ fn wild_poses_do_not_fill_the_screen_or_break_the_frame() {
             let picture = raster.render(scene, &view()).unwrap();
             assert!(picture.as_flattened().iter().all(|v| v.is_finite()), "{name}");
         }
+    }
+}
+
+#[test]
+fn every_back_end_shows_the_same_bent_frame() {
+    let cloud = ball(8, 2000);
+    let mut bent = scene(&cloud, bent);
+    let transform = Similarity { rotation: Quat::from_rotation_y(-0.7), scale: 0.9, translation: Vec3::Y * 0.1 };
+    bent.instances[0].transform = transform;
+    let subset: Arc<[u32]> = (0..2000).filter(|i| i % 3 != 0).collect();
+    let hidden = Arc::new(Selection::from_fn(2000, |i| i % 5 == 0));
+    bent.instances[0].subset = Some(subset);
+    bent.instances[0].hidden = Some(hidden);
+    bent.instances.push(Instance::new(ball(9, 500)));
+    let mut frames = Vec::new();
+    for (name, mut raster) in rasterizers() {
+        let mut frame = Frame::default();
+        let outputs = Outputs { color: true, median_depth: true, first_hits: Some(0.5), ..Outputs::default() };
+        raster.draw(&bent, &view(), &outputs, &mut frame).unwrap();
+        frames.push((name, frame));
+    }
+    let (_, cpu) = &frames[0];
+    for (name, frame) in &frames[1..] {
+        let psnr = psnr(&cpu.color, &frame.color);
+        assert!(psnr > 45.0, "{name}: {psnr} dB");
+        let other = cpu.first_hits.iter().zip(&frame.first_hits).filter(|(a, b)| a != b).count();
+        assert!(other * 100 < cpu.first_hits.len(), "{name}: {other} pixels are hit elsewhere");
     }
 }

@@ -10,9 +10,10 @@ use bevy::log::{warn, warn_once};
 use bevy::math::URect;
 use bevy::render::diagnostic::RecordDiagnostics;
 use bevy::render::renderer::{RenderAdapterInfo, RenderContext, RenderDevice, RenderQueue};
+use splat_core::deform::Deformation;
 use splat_core::{Cloud, Selection};
 use splat_raster::gpu::{
-    Gpu, GpuBits, GpuCloud, GpuFeatures, GpuFrame, GpuIds, GpuInstance, GpuOptions, GpuRequest, GpuTint,
+    Gpu, GpuBits, GpuCloud, GpuDeformation, GpuFeatures, GpuFrame, GpuIds, GpuInstance, GpuOptions, GpuRequest, GpuTint,
 };
 
 use super::composite::LimitView;
@@ -46,6 +47,7 @@ struct EntityBuffers {
     hidden: Copied<Selection, GpuBits>,
     subset: Copied<[u32], GpuIds>,
     tint: Copied<[[u8; 4]], GpuTint>,
+    deformation: Copied<Deformation, GpuDeformation>,
 }
 
 /// Data of the main world and its copy on the device.
@@ -96,6 +98,7 @@ impl GpuScene {
             hidden: buffers.hidden.as_ref().map(|(_, copy)| copy.clone()),
             subset: buffers.subset.as_ref().map(|(_, copy)| copy.clone()),
             tint: buffers.tint.as_ref().map(|(_, copy)| copy.clone()),
+            deformation: buffers.deformation.as_ref().map(|(_, copy)| copy.clone()),
         })
     }
 }
@@ -145,6 +148,12 @@ pub(super) fn upload(
             copy(&mut buffers.hidden, &own.hidden, |bits| GpuBits::new(gpu, bits));
             copy(&mut buffers.subset, &own.subset, |ids| GpuIds::new(gpu, ids.clone()));
             copy(&mut buffers.tint, &own.tint, |tint| GpuTint::new(gpu, tint));
+            // The next pose goes where the last one was: no memory is taken and nothing is bound anew.
+            let last = buffers.deformation.as_ref().map(|(_, copy)| copy.clone());
+            copy(&mut buffers.deformation, &own.deformation, |pose| match last {
+                Some(last) => last.next(gpu, pose),
+                None => GpuDeformation::new(gpu, pose),
+            });
         }
     }
     if scene.clouds.len() < before {

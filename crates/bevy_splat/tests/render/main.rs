@@ -7,6 +7,7 @@
 
 mod harness;
 
+mod bent;
 mod cameras;
 mod memory;
 mod meshes;

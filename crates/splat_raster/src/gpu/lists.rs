@@ -51,7 +51,7 @@ impl Key {
         self.view == *view
             && (self.color || !color)
             && self.has_sources_of(instances)
-            && self.instances.iter().zip(instances).all(|(a, b)| a.transform == b.transform)
+            && self.instances.iter().zip(instances).all(|(a, b)| a.is_placed_as(b))
     }
 }
 

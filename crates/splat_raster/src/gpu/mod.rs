@@ -34,6 +34,7 @@ mod blend;
 mod cloud;
 mod compact;
 mod context;
+mod deformation;
 mod error;
 mod frame;
 mod lists;
@@ -47,6 +48,7 @@ mod timings;
 
 pub use cloud::{GpuBits, GpuCloud, GpuIds, GpuTint};
 pub use context::{GpuOptions, Precision, Subgroups};
+pub use deformation::GpuDeformation;
 pub use error::GpuError;
 pub use frame::{GpuFeatures, GpuFrame, GpuMasks, GpuRequest};
 pub use rasterizer::GpuRasterizer;

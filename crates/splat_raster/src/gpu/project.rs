@@ -67,6 +67,7 @@ struct Part {
     first_slot: u32,
     count: u32,
     first: u32,
+    deformed: bool,
 }
 
 /// The pages that instances use, in order of slots.
@@ -84,7 +85,8 @@ fn parts(instances: &[GpuInstance]) -> Vec<Part> {
                 }
             };
             if count > 0 {
-                parts.push(Part { instance: i, page: k, first_slot: slot, count, first });
+                let deformed = instance.deformation.is_some();
+                parts.push(Part { instance: i, page: k, first_slot: slot, count, first, deformed });
                 slot += count;
             }
         }
@@ -123,21 +125,31 @@ impl Records {
     }
 }
 
-/// The compiled kernel.
+/// The compiled kernels.
 #[derive(Clone, Debug)]
 pub(crate) struct ProjectKernels {
     project: Pipeline,
+    /// For instances that are bent.
+    deform: Pipeline,
 }
 
 impl ProjectKernels {
     pub(crate) fn new(context: &Context) -> Result<Self, GpuError> {
         use Binding::{Read, Uniform, Write};
-        let switches: &[&str] = match context.options.precision {
-            Precision::Packed => &["PACKED"],
-            Precision::Full => &[],
+        let (switches, deform): (&[&str], &[&str]) = match context.options.precision {
+            Precision::Packed => (&["PACKED"], &["PACKED", "DEFORM"]),
+            Precision::Full => (&[], &["DEFORM"]),
         };
-        let bindings = [Uniform, Read, Read, Read, Read, Write, Write, Write, Write, Write];
-        Ok(Self { project: context.pipeline(&PROJECT, switches, "project", &bindings, &[])? })
+        let bindings = [Uniform, Read, Read, Read, Read, Write, Write, Write, Write, Write, Read];
+        let (cage, plain) = (bindings.len(), bindings.len() - 1);
+        Ok(Self {
+            project: context.pipeline(&PROJECT, switches, "project", &bindings[..plain], &[])?,
+            deform: context.pipeline(&PROJECT, deform, "project", &bindings[..cage], &[])?,
+        })
+    }
+
+    fn of(&self, deformed: bool) -> &Pipeline {
+        if deformed { &self.deform } else { &self.project }
     }
 }
 
@@ -181,8 +193,9 @@ impl Projector {
                     offset: (k * stride) as u64,
                     size: std::num::NonZeroU64::new(size_of::<Job>() as u64),
                 });
-                let all = std::iter::once(job).chain(buffers.into_iter().map(wgpu::Buffer::as_entire_binding));
-                context.bind(&kernels.project, &all.collect::<Vec<_>>())
+                let cage = instance.deformation.as_ref().map(|d| &d.buffer);
+                let buffers = buffers.into_iter().chain(cage).map(wgpu::Buffer::as_entire_binding);
+                context.bind(kernels.of(part.deformed), &std::iter::once(job).chain(buffers).collect::<Vec<_>>())
             })
             .collect();
         Self { parts, groups, jobs: Some(jobs), stride }
@@ -209,7 +222,7 @@ impl Projector {
     /// Records the dispatches.
     pub(crate) fn encode(&self, kernels: &ProjectKernels, pass: &mut wgpu::ComputePass<'_>) {
         for (part, group) in self.parts.iter().zip(&self.groups) {
-            kernels.project.dispatch(pass, group, part.count.div_ceil(BLOCK));
+            kernels.of(part.deformed).dispatch(pass, group, part.count.div_ceil(BLOCK));
         }
     }
 }

@@ -2,12 +2,14 @@
 
 use std::sync::{Arc, Weak};
 
+use splat_core::deform::Deformation;
 use splat_core::{Cloud, Selection, View};
 
 use super::lists::Counted;
 use super::timings::GpuTimings;
 use super::{
-    Gpu, GpuBits, GpuCloud, GpuError, GpuFeatures, GpuFrame, GpuIds, GpuInstance, GpuMasks, GpuRequest, GpuTint,
+    Gpu, GpuBits, GpuCloud, GpuDeformation, GpuError, GpuFeatures, GpuFrame, GpuIds, GpuInstance, GpuMasks, GpuRequest,
+    GpuTint,
 };
 use crate::{Frame, Instance, Outputs, RasterError, Rasterizer, Scene};
 
@@ -52,6 +54,7 @@ pub struct GpuRasterizer {
     hidden: Uploads<Selection, GpuBits>,
     subsets: Uploads<[u32], GpuIds>,
     tints: Uploads<[[u8; 4]], GpuTint>,
+    deformations: Uploads<Deformation, GpuDeformation>,
     timings: Option<GpuTimings>,
 }
 
@@ -65,6 +68,7 @@ impl GpuRasterizer {
             hidden: Uploads::default(),
             subsets: Uploads::default(),
             tints: Uploads::default(),
+            deformations: Uploads::default(),
             timings: None,
         }
     }
@@ -92,6 +96,9 @@ impl GpuRasterizer {
                 .transpose()?,
             tint: (instance.tint.as_ref())
                 .map(|t| self.tints.get(t, |tint| Ok(GpuTint::new(gpu, tint))))
+                .transpose()?,
+            deformation: (instance.deformation.as_ref())
+                .map(|d| self.deformations.get(d, |pose| Ok(GpuDeformation::new(gpu, pose))))
                 .transpose()?,
         })
     }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use splat_core::Similarity;
 
-use super::{GpuBits, GpuCloud, GpuIds, GpuTint};
+use super::{GpuBits, GpuCloud, GpuDeformation, GpuIds, GpuTint};
 use crate::RasterError;
 
 /// The GPU's form of an [`Instance`](crate::Instance): the same fields mean the same.
@@ -20,12 +20,14 @@ pub struct GpuInstance {
     pub subset: Option<Arc<GpuIds>>,
     /// By cloud id: sRGB red, green, blue, and strength 0..=255 with which they are mixed over its colour.
     pub tint: Option<Arc<GpuTint>>,
+    /// How the cloud is bent before it is placed.
+    pub deformation: Option<Arc<GpuDeformation>>,
 }
 
 impl GpuInstance {
-    /// The cloud where it is, all of it, nothing hidden.
+    /// The cloud where it is and as it is, all of it, nothing hidden.
     pub fn new(cloud: Arc<GpuCloud>) -> Self {
-        Self { cloud, transform: Similarity::IDENTITY, hidden: None, subset: None, tint: None }
+        Self { cloud, transform: Similarity::IDENTITY, hidden: None, subset: None, tint: None, deformation: None }
     }
 
     /// Gaussians of the instance, hidden ones included.
@@ -38,7 +40,17 @@ impl GpuInstance {
         self.len() == 0
     }
 
-    /// Whether both are the same Gaussians with the same bits, lists and tints.
+    /// Whether both are in the same pose at the same place.
+    pub(super) fn is_placed_as(&self, other: &Self) -> bool {
+        let same_pose = match (&self.deformation, &other.deformation) {
+            (None, None) => true,
+            (Some(a), Some(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        };
+        same_pose && self.transform == other.transform
+    }
+
+    /// Whether both are the same Gaussians with the same bits, lists, tints and memory of poses.
     pub(super) fn has_sources_of(&self, other: &Self) -> bool {
         fn same<T>(a: &Option<Arc<T>>, b: &Option<Arc<T>>) -> bool {
             match (a, b) {
@@ -51,6 +63,7 @@ impl GpuInstance {
             && same(&self.hidden, &other.hidden)
             && same(&self.subset, &other.subset)
             && same(&self.tint, &other.tint)
+            && self.deformation.as_ref().map(|d| &d.buffer) == other.deformation.as_ref().map(|d| &d.buffer)
     }
 
     /// Checks that all belongs to the cloud.
