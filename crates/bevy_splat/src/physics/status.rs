@@ -103,10 +103,10 @@ pub enum PartPhysicsWarning {
     Overlaps(f64),
     /// The part was raised by so many metres along up, out of what it stood in.
     Raised(f64),
-    /// Its surface has gaps too wide to close: its convex hull was filled.
+    /// Its surface has gaps too wide to close: it weighs what its convex hull would, or its surface alone.
     Open,
-    /// It is a sheet: its surface is all there is of it.
-    Thin,
+    /// It is in several pieces, of which the largest is the body; this share of the volume was left out.
+    Pieces(f64),
     /// Another shape was used than the one asked for.
     Shape {
         /// The one asked for.
@@ -129,8 +129,12 @@ impl fmt::Display for PartPhysicsWarning {
                 write!(f, "the part is {:.3} m inside what it stands on and will be pushed out of it", depth)
             }
             Self::Raised(height) => write!(f, "the part was raised by {:.3} m out of what it stood in", height),
-            Self::Open => f.write_str("the part's surface has gaps too wide to close: it weighs what its hull would"),
-            Self::Thin => f.write_str("the part is a sheet: it weighs what its surface does"),
+            Self::Open => {
+                f.write_str("the part's surface has gaps too wide to close: its hull or its shell was weighed")
+            }
+            Self::Pieces(share) => {
+                write!(f, "the part is in pieces: {:.0} % of its volume were left out", 100.0 * share)
+            }
             Self::Shape { asked, used } => write!(f, "the part cannot have the shape {asked}: it has {used}"),
             Self::Note(sentence) => f.write_str(sentence),
         }

@@ -25,6 +25,8 @@ use super::{RigidPart, RigidShape};
 const FALLBACK: &str = "wood_soft";
 /// Points of a part's surface that are tried against the ground.
 const POINTS: usize = 256;
+/// Share of a part's volume that may be left out without a word.
+const LEFT_OUT: f64 = 0.01;
 /// How many of its voxels a part may be raised.
 const RAISED: f64 = 2.0;
 /// How much of a voxel a part may stand inside of something: the engine pushes it out unseen.
@@ -114,7 +116,8 @@ fn make(
     }
     let mut warnings = Vec::new();
     warnings.extend(solid.report.leaked.then_some(PartPhysicsWarning::Open));
-    warnings.extend(solid.report.thin.then_some(PartPhysicsWarning::Thin));
+    let left_out = solid.report.left_out;
+    warnings.extend((left_out > LEFT_OUT).then_some(PartPhysicsWarning::Pieces(left_out)));
     let choice = ShapeChoice::from(part.shape);
     let mut fitted = None;
     // What cannot be had is replaced by what is simpler.
