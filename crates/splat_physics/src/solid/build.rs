@@ -24,6 +24,8 @@ const ENCLOSES: f64 = 1.5;
 const LIMBS: f64 = 1.25;
 /// What fills so much of its convex hull encloses nothing and need not.
 const FILLS_HULL: f64 = 0.5;
+/// Voxels along the diagonal that are enough to try half as many.
+const COARSEST: u32 = 48;
 /// What is less voxels thick is flat: its two sides cannot be told apart.
 const FLAT: f64 = 2.5;
 
@@ -60,6 +62,13 @@ impl Solid {
         }
 
         let closed = Closed::new(&shell, &grid, settings)?;
+        if closed.leaked && settings.leaks == Leaks::Hull && settings.voxels >= COARSEST {
+            // Few Gaussians leave gaps of many small voxels, which are closed as gaps of few large ones.
+            let coarser = SolidSettings { voxels: settings.voxels / 2, leaks: Leaks::Refuse, ..settings.clone() };
+            if let Ok(solid) = Self::build(cloud, ids, metres_per_unit, regions, &coarser) {
+                return Ok(solid);
+            }
+        }
         let (filled, pieces, largest) = large_pieces(&closed.filled, LARGE, settings.pieces == Pieces::Largest);
         if pieces > MOST_PIECES || (pieces > 1 && settings.pieces == Pieces::One) {
             return Err(SolidError::Disconnected { pieces, largest });

@@ -28,7 +28,7 @@ pub struct SolidSettings {
 /// What to do with a surface that does not close.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Leaks {
-    /// Fill its convex hull, and say so in the [report](super::SolidReport::leaked).
+    /// Try voxels twice as large, once; then fill its convex hull, and say so in the [report](super::SolidReport::leaked).
     #[default]
     Hull,
     /// Keep the shell alone, as of a bowl or a leaf.
