@@ -7,6 +7,8 @@ use crate::asset::SplatAssetPlugin;
 use crate::components::SplatHighlightPlugin;
 use crate::orient::SplatOrientPlugin;
 use crate::parts::SplatPartsPlugin;
+#[cfg(feature = "physics")]
+use crate::physics::SplatPhysicsPlugin;
 use crate::picking::SplatPickingPlugin;
 use crate::render::SplatRenderPlugin;
 use crate::segment::SplatSegmentPlugin;
@@ -25,6 +27,7 @@ use crate::tools::SplatToolsPlugin;
 /// | [`SplatSelectPlugin`] | selecting by messages |
 /// | [`SplatToolsPlugin`] | rectangle, lasso and brush; needs [`SplatSelectPlugin`] |
 /// | [`SplatOrientPlugin`] | captures upright and in metres, by messages |
+/// | `SplatPhysicsPlugin` | bodies of parts (feature `physics`); needs [`SplatPartsPlugin`] |
 /// | [`SplatSegmentPlugin`] | one click to a whole object, in the background; needs [`SplatSelectPlugin`] |
 ///
 /// Without a window or a device leave drawing out: `BevySplatPlugins.build().disable::<SplatRenderPlugin>()`.
@@ -33,7 +36,7 @@ pub struct BevySplatPlugins;
 
 impl PluginGroup for BevySplatPlugins {
     fn build(self) -> PluginGroupBuilder {
-        PluginGroupBuilder::start::<Self>()
+        let group = PluginGroupBuilder::start::<Self>()
             .add(SplatAssetPlugin)
             .add(SplatRenderPlugin)
             .add(SplatHighlightPlugin)
@@ -42,7 +45,10 @@ impl PluginGroup for BevySplatPlugins {
             .add(SplatSelectPlugin)
             .add(SplatToolsPlugin)
             .add(SplatOrientPlugin)
-            .add(SplatSegmentPlugin)
+            .add(SplatSegmentPlugin);
+        #[cfg(feature = "physics")]
+        let group = group.add(SplatPhysicsPlugin);
+        group
     }
 }
 

@@ -6,6 +6,15 @@ pub use crate::orient::{OrientBy, OrientError, OrientFailed, OrientRequest, Orie
 #[cfg(feature = "physics")]
 pub use crate::orient::{ScaleBy, ScaleRequest, Scaled};
 pub use crate::parts::{PartExtracted, PartRestored, PartsLookup, SplatPartsPlugin};
+#[cfg(feature = "physics")]
+pub use crate::physics::{
+    CaptureGround, CaptureScale, ElasticPart, GroundFill, GroundKind, PartBody, PartMaterial, PartMaterials,
+    PartPhysicsError, PartPhysicsFailed, PartPhysicsReady, PartPhysicsReport, PartPhysicsStatus, PartPhysicsWarning,
+    PhysicsMaterial, Pin, PinRegion, ScaleSource, SplatPhysicsPlugin, SplatPhysicsSystems, StaticCapture,
+    StaticCaptureCache,
+};
+#[cfg(feature = "avian")]
+pub use crate::physics::{RigidPart, RigidShape, SplatAvianPlugin};
 pub use crate::picking::{SplatHit, SplatPartHandle, SplatPickingPlugin};
 pub use crate::render::{
     SplatBackend, SplatBackground, SplatCamera, SplatDepth, SplatOrder, SplatOutline, SplatRenderPlugin,

@@ -6,15 +6,34 @@
 //! | component | on | what it makes of it |
 //! |---|---|---|
 //! | [`CaptureScale`] | a capture | metres: its scale, and that of its parts |
+//! | [`StaticCapture`] | a capture | what is left of it stands still, and is bumped into |
+//! | `RigidPart` (feature `avian`) | a part | a rigid body of avian3d |
+//! | [`ElasticPart`] | a part | a soft body; see [`elastic`] |
+//! | [`PartMaterial`], [`PartMaterials`] | parts, captures | what they are made of: presets, assets, numbers |
 //!
 //! The Gaussians are never touched: [`restore_part`](crate::SplatPartCommands::restore_part) gives the capture back bit for bit.
 
+#[cfg(feature = "avian")]
+mod avian;
+pub mod elastic;
+mod ground;
 mod jobs;
+mod material;
+mod part;
+#[cfg(feature = "avian")]
+mod rigid;
 mod scale;
 mod status;
 
 use bevy::prelude::*;
 
+#[cfg(feature = "avian")]
+pub use avian::SplatAvianPlugin;
+pub use elastic::{ElasticPart, Pin, PinRegion};
+pub use ground::{CaptureGround, GroundFill, GroundKind, StaticCapture, StaticCaptureCache};
+pub use material::{PartMaterial, PartMaterials, PhysicsMaterial, PhysicsMaterialError, PhysicsMaterialLoader};
+#[cfg(feature = "avian")]
+pub use rigid::{RigidPart, RigidShape};
 pub use scale::{CaptureScale, ScaleSource};
 pub use status::{
     PartBody, PartPhysicsError, PartPhysicsFailed, PartPhysicsReady, PartPhysicsReport, PartPhysicsStatus,
@@ -48,14 +67,17 @@ enum SetupSystems {
 /// Bodies of parts: materials, scale, the ground that is left of a capture, and elastic parts; rigid parts with avian3d.
 ///
 /// Needs [`SplatAssetPlugin`](crate::asset::SplatAssetPlugin) and [`SplatPartsPlugin`](crate::parts::SplatPartsPlugin). Nothing
-/// runs for entities that ask for no body.
+/// runs for entities that ask for no body. Where avian's `PhysicsPlugins` are added it adds `SplatAvianPlugin`.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct SplatPhysicsPlugin;
 
 impl Plugin for SplatPhysicsPlugin {
     fn build(&self, app: &mut App) {
         use SplatPhysicsSystems::{Prepare, Setup, Step, Writeback};
-        app.register_type::<CaptureScale>()
+        material::plugin(app);
+        elastic::plugin(app);
+        app.init_resource::<StaticCaptureCache>()
+            .register_type::<(CaptureScale, StaticCapture)>()
             .add_message::<PartPhysicsReady>()
             .add_message::<PartPhysicsFailed>()
             .configure_sets(
@@ -63,6 +85,18 @@ impl Plugin for SplatPhysicsPlugin {
                 (SetupSystems::Scale, SetupSystems::Ground, SetupSystems::Parts).chain().in_set(Setup),
             )
             .configure_sets(FixedPostUpdate, (Prepare, Step, Writeback).chain().before(TransformSystems::Propagate))
-            .add_systems(Update, scale::apply.in_set(SetupSystems::Scale));
+            .add_observer(ground::forget)
+            .add_systems(
+                Update,
+                (
+                    scale::apply.in_set(SetupSystems::Scale),
+                    (ground::start, ground::finish).chain().in_set(SetupSystems::Ground),
+                ),
+            );
+    }
+
+    #[cfg(feature = "avian")]
+    fn finish(&self, app: &mut App) {
+        avian::bridge_to_avian(app);
     }
 }
