@@ -61,7 +61,7 @@ pub(super) fn close(seen: &mut PlaceMap<Seen>, part: &PlaceMap<Seen>) -> Option<
     }
     let points: Vec<DVec3> =
         ring.keys().filter_map(|&(x, z)| Some(DVec3::new(x.into(), support(x, z)?, z.into()))).collect();
-    let plane = Plane::fit(&points, bottom)?;
+    let plane = Plane::fit(&points)?;
     let mut added = Vec::new();
     for &(x, z) in footprint.keys() {
         let height = plane.at(x.into(), z.into());
@@ -86,15 +86,14 @@ struct Plane {
 }
 
 impl Plane {
-    /// Through most of the points, which lie about a height; `None` if there are few.
-    fn fit(points: &[DVec3], bottom: f64) -> Option<Self> {
+    /// Through most of the points; `None` if there are few.
+    fn fit(points: &[DVec3]) -> Option<Self> {
         if points.len() < LEAST {
             return None;
         }
         let mut heights: Vec<f64> = points.iter().map(|p| p.y).collect();
         let median = *heights.select_nth_unstable_by(points.len() / 2, f64::total_cmp).1;
         let mut plane = Self { middle: DVec3::new(0.0, median, 0.0), slope: [0.0; 2] };
-        let _ = bottom;
         for tolerance in [6.0, 3.0, 1.5] {
             let near: Vec<DVec3> =
                 points.iter().copied().filter(|p| (p.y - plane.at(p.x, p.z)).abs() <= tolerance).collect();

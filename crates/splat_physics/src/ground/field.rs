@@ -80,7 +80,8 @@ impl DistanceField {
                 Some(((local.y - height) * normal.y, *rotation * normal))
             }
             Kind::Bricks { rotation, voxel, bricks } => {
-                let p = rotation.conjugate() * point / *voxel;
+                // Nodes are in the middle of voxels: a wall one voxel thick has an inside.
+                let p = rotation.conjugate() * point / *voxel - 0.5;
                 if !(p.abs().max_element() < 1e8) {
                     return None;
                 }
@@ -177,7 +178,7 @@ fn bricks(ground: &Ground) -> Kind {
     let mut solid = Lattice::default();
     for chunk in &ground.chunks {
         match &chunk.surface {
-            GroundSurface::Mesh(mesh) => triangles.extend(corners(mesh).map(|t| t.map(|p| p / voxel))),
+            GroundSurface::Mesh(mesh) => triangles.extend(corners(mesh).map(|t| t.map(|p| p / voxel - 0.5))),
             GroundSurface::Voxels { origin, rotation: turn, cells, .. } => {
                 rotation = *turn;
                 let low = (turn.conjugate() * *origin / voxel).round().as_ivec3();
@@ -187,7 +188,7 @@ fn bricks(ground: &Ground) -> Kind {
         }
     }
     let net = Net::new(solid.all().into_iter(), |at| if solid.has(at) { 1.0 } else { 0.0 });
-    let vertices = net.places.iter().map(|p| *p + 0.5).collect();
+    let vertices = net.places.clone();
     triangles.extend(corners(&SurfaceMesh { vertices, triangles: net.triangles() }));
     let mut touched: BTreeMap<[i32; 3], Vec<u32>> = BTreeMap::new();
     for (k, [a, b, c]) in triangles.iter().enumerate() {

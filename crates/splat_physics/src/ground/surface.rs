@@ -87,8 +87,8 @@ fn settled(p: DVec3, cell: IVec3, solid: &Lattice, seen: &PlaceMap<Seen>) -> DVe
         return p;
     }
     let thick = (1..=2 * (SPREAD + 1)).take_while(|&k| solid.has(behind(0.5 * f64::from(k)))).count() as f64 * 0.5;
-    // Something must be left between both sides.
-    let most = if thick >= f64::from(SPREAD) { thick - 1.0 } else { (0.5 * thick - 0.25).max(0.0) };
+    // Something must be left between both sides, or the field has no inside.
+    let most = if thick >= f64::from(SPREAD) { thick - 1.0 } else { (0.25 * (thick - 1.0)).max(0.0) };
     p + (sum / weight).clamp(-most, 0.25) * normal
 }
 
