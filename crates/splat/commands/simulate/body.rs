@@ -8,7 +8,8 @@ use splat_core::orient::{self, Floor, FloorSettings};
 use splat_core::{Cloud, SelectMode, Selection, Similarity};
 use splat_physics::world::{Contact, ContactWorld, PlaneWorld};
 use splat_physics::{
-    BasisKind, ElasticBody, ElasticModel, ElasticSettings, Frame, Loads, Material, NoProgress, Solid, SolidSettings,
+    BasisKind, DistanceField, ElasticBody, ElasticModel, ElasticSettings, Frame, Ground, GroundSettings, Loads,
+    Material, NoProgress, Solid, SolidSettings,
 };
 
 use super::{Options, Report};
@@ -25,8 +26,10 @@ const STIFFEST: f32 = 1e8;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum GroundChoice {
-    /// The plane of what it stands on, else that of the floor
+    /// The plane of what it stands on, else that of the floor, else the surface
     Auto,
+    /// The surface of all that is left of the capture, holes below the part closed
+    Surface,
     /// The plane of what it stands on, such as a table's top
     Stand,
     /// The plane of the floor
@@ -51,6 +54,7 @@ pub(super) struct Body {
 
 enum World {
     Plane(PlaneWorld),
+    Field(Box<DistanceField>),
     Empty,
 }
 
@@ -58,6 +62,7 @@ impl ContactWorld for World {
     fn contacts(&mut self, points: &[DVec3], reach: f64, out: &mut Vec<Contact>) {
         match self {
             Self::Plane(plane) => plane.contacts(points, reach, out),
+            Self::Field(field) => field.contacts(points, reach, out),
             Self::Empty => {}
         }
     }
@@ -235,11 +240,19 @@ fn world(
         // What is steeper carries nothing, and a plane of a few Gaussians is none.
         (found.plane.normal.dot(up) > 0.9 && found.plane.share > 0.3).then(|| on(found.plane))
     };
+    let surface = || {
+        let settings = GroundSettings { up: up.as_dvec3(), ..GroundSettings::default() };
+        let ground = Ground::build(cloud, &rest.ids(), &[&part.ids()], metres, &settings)?;
+        let mut field = ground.field();
+        (field.friction, field.restitution) = (friction, restitution);
+        Ok::<_, Failure>((World::Field(Box::new(field)), GroundChoice::Surface))
+    };
     let no_floor =
         "no plane has the rest of the capture on one side; choose --ground none, or turn it with `splat orient`";
     let no_stand = "there is no level surface below the part; choose --ground floor or none";
     match options.ground {
         GroundChoice::None => Ok((World::Empty, GroundChoice::None)),
+        GroundChoice::Surface => surface(),
         GroundChoice::Floor => floor().map(|w| (w, GroundChoice::Floor)).ok_or_else(|| Failure::failed(no_floor)),
         GroundChoice::Stand => stand().map(|w| (w, GroundChoice::Stand)).ok_or_else(|| Failure::failed(no_stand)),
         GroundChoice::Auto => {
@@ -250,8 +263,7 @@ fn world(
                 notes.push("there is no level surface below the part: it falls on the plane of the floor".to_owned());
                 return Ok((world, GroundChoice::Floor));
             }
-            notes.push("there is nothing to fall on: no plane carries the capture".to_owned());
-            Ok((World::Empty, GroundChoice::None))
+            surface()
         }
     }
 }
