@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use bevy::math::{Vec2, Vec3};
 use splat_core::bounds::robust_bounds;
+use splat_core::deform::Deformation;
 use splat_core::{Cloud, Orbit, SelectMode, Selection, View};
 use splat_raster::cpu::CpuRasterizer;
 use splat_raster::{Instance, Scene};
@@ -25,6 +26,8 @@ pub(super) struct Job {
     pub(super) cloud: Arc<Cloud>,
     /// What the entity does not show.
     pub(super) hidden: Option<Arc<Selection>>,
+    /// The pose that the camera sees.
+    pub(super) deformation: Option<Arc<Deformation>>,
     /// What cannot be selected of it.
     pub(super) withheld: Selection,
     /// The camera's picture.
@@ -66,8 +69,8 @@ impl Job {
         };
         let fail = |reason: String| Failure { reason, prepared: Some(prepared.clone()) };
         run.step("click", 0, 1).map_err(|e| fail(e.to_string()))?;
-        let scene =
-            Scene { instances: vec![Instance { hidden: self.hidden.clone(), ..Instance::new(self.cloud.clone()) }] };
+        let (hidden, deformation) = (self.hidden.clone(), self.deformation.clone());
+        let scene = Scene { instances: vec![Instance { hidden, deformation, ..Instance::new(self.cloud.clone()) }] };
         let found = solve(&prepared, &scene, &self.view, &self.prompts, self.last.take(), &mut raster).map_err(fail)?;
         run.step("click", 1, 1).map_err(|e| fail(e.to_string()))?;
         let Found { state, proposals, steps } = found;

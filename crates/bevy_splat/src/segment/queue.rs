@@ -189,7 +189,7 @@ impl SegmentQueue {
         let (asset, _) =
             splats.cloud(entity).ok_or("the entity shows no capture, or it is not loaded yet: wait for its asset")?;
         let whole = splats.instance(entity, Ids::OfCloud);
-        let Instance { cloud, transform, hidden, .. } =
+        let Instance { cloud, transform, hidden, deformation, .. } =
             whole.ok_or("the entity's transform is not one that splats are drawn with")?;
         let withheld = splats.withheld(entity).unwrap_or_default();
         let last = self.sessions.get(&entity).filter(|_| request.start == SegmentStart::Continue);
@@ -197,6 +197,7 @@ impl SegmentQueue {
         let from_world = transform.inverse();
         let job = Job {
             hidden,
+            deformation,
             withheld,
             view: view.moved(&from_world),
             up: transform.rotation_matrix().transpose() * Vec3::Y,
