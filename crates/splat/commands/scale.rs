@@ -44,7 +44,7 @@ struct Options {
     #[arg(long)]
     store: bool,
     /// Distance of two places in metres
-    #[arg(long, value_name = "METRES", value_parser = parse::positive, requires = "places")]
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_negative_numbers = true, requires = "places")]
     length: Option<f32>,
     /// The two places: coordinates X,Y,Z;X,Y,Z or Gaussians ID,ID
     #[arg(long, value_name = "PLACES", value_parser = places::two, allow_hyphen_values = true, group = "places", requires = "length")]
@@ -53,13 +53,13 @@ struct Options {
     #[arg(long, value_name = "X,Y;X,Y", value_parser = pixels, group = "places", requires = "length")]
     pixels: Option<[Vec2; 2]>,
     /// Height in metres of the part, or of the whole capture
-    #[arg(long, value_name = "METRES", value_parser = parse::positive)]
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_negative_numbers = true)]
     height: Option<f32>,
     /// The part: the Gaussians selected in this .npy file
     #[arg(long, value_name = "NPY", requires = "height")]
     part: Option<PathBuf>,
     /// The scale itself
-    #[arg(long, value_name = "METRES", value_parser = parse::positive)]
+    #[arg(long, value_name = "METRES", value_parser = parse::positive, allow_negative_numbers = true)]
     metres_per_unit: Option<f32>,
     #[command(flatten)]
     camera: CameraOptions,

@@ -46,8 +46,9 @@ fn send<M: Message>(app: &mut App, message: M) {
     app.world_mut().write_message(message);
 }
 
-fn all<M: Message + Clone>(app: &App) -> Vec<M> {
-    app.world().resource::<Messages<M>>().iter_current_update_messages().cloned().collect()
+/// Takes them: without a fixed step Bevy keeps messages.
+fn all<M: Message>(app: &mut App) -> Vec<M> {
+    app.world_mut().resource_mut::<Messages<M>>().drain().collect()
 }
 
 /// Runs until there is an answer.

@@ -228,11 +228,30 @@ impl ElasticBody {
         self.wake();
     }
 
-    /// Pushes a point; `impulse` in N s, world space, `rest`: in the body's frame.
+    /// Pushes the part about a point; `impulse` in N s, world space, `rest`: in the body's frame.
+    ///
+    /// What pushes is as wide as a hand on a toy: the impulse is spread over all within a third of the part's size. In a single
+    /// point it would squeeze a few grams to nothing.
     pub fn push(&mut self, rest: DVec3, impulse: DVec3) {
-        let row = self.model.row(rest);
+        let model = self.model.clone();
+        let reach = 0.33 * model.size;
+        let share = |s: &super::Sample| (1.0 - s.position.distance_squared(rest) / (reach * reach)).max(0.0).powi(2);
+        let near = model.samples.iter().map(|s| s.position.distance(rest)).fold(f64::INFINITY, f64::min);
+        // A point beside the part pushes what of it is nearest.
+        let (mut rows, mut sum) = (vec![0.0; model.rank()], 0.0);
+        for sample in &model.samples {
+            let at = if near < 0.5 * reach { share(sample) } else { f64::from(u8::from(sample.position.distance(rest) <= near)) };
+            if at > 0.0 {
+                let mass = at * sample.volume * f64::from(model.materials[usize::from(sample.region)].density);
+                rows.iter_mut().zip(model.row(sample.position)).for_each(|(row, b)| *row += mass * b);
+                sum += mass;
+            }
+        }
+        if !(sum > 0.0) {
+            return;
+        }
         for a in 0..3 {
-            self.v.col_as_slice_mut(a).iter_mut().zip(&row).for_each(|(v, b)| *v += b * impulse[a]);
+            self.v.col_as_slice_mut(a).iter_mut().zip(&rows).for_each(|(v, b)| *v += b / sum * impulse[a]);
         }
         self.wake();
     }

@@ -25,8 +25,6 @@ pub struct ElasticModel {
     pub(super) weights: BasisWeights,
     pub(super) samples: Vec<Sample>,
     pub(super) moduli: Vec<Moduli>,
-    /// In kg, of each sample.
-    pub(super) masses: Vec<f64>,
     /// Centre and size of the coordinates in which the affine motions are told.
     pub(super) center: DVec3,
     pub(super) size: f64,
@@ -97,6 +95,7 @@ impl ElasticModel {
         cage: PartCage,
         weights: BasisWeights,
     ) -> Result<Self, ElasticError> {
+        let materials = &effective(materials, settings);
         let count = match settings.cubature {
             0 => cubature::needed(weights.handles),
             asked => usize::from(asked),
@@ -202,7 +201,6 @@ impl ElasticModel {
             weights,
             samples,
             moduli,
-            masses,
             center,
             size,
             combination,

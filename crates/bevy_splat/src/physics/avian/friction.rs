@@ -5,8 +5,9 @@ use bevy::prelude::*;
 
 use super::super::rigid::RigidPart;
 
-/// Surfaces that move slower than this against each other are at rest, in m/s: what gravity adds in a tenth of a step.
-const AT_REST: f32 = 0.015;
+/// Surfaces that move slower than this against each other are at rest, in m/s: what is put down falls freely for a step before
+/// there is a contact, and then slips by what gravity added.
+const AT_REST: f32 = 0.1;
 
 /// Gives contacts of rigid parts their coefficient of friction at rest while nothing slides.
 ///

@@ -3,7 +3,6 @@
 use std::hash::{DefaultHasher, Hasher};
 use std::sync::Arc;
 
-use avian3d::parry::math::Pose;
 use avian3d::parry::shape::{SharedShape, TriMeshFlags, Voxels};
 use avian3d::parry::utils::Array2;
 use avian3d::prelude::*;
@@ -21,6 +20,8 @@ pub(in super::super) struct Piece {
     /// Of what it was made from: pieces with equal keys are equal.
     key: u64,
     collider: Collider,
+    /// Where the collider lies in the capture: parry has no contacts for such shapes within compounds.
+    at: Transform,
 }
 
 /// A child of a capture that carries a piece of its ground.
@@ -38,26 +39,30 @@ pub(in super::super) fn pieces(ground: &Ground, metres_per_unit: f64, watch: &Wa
             return None;
         }
         let mut hasher = DefaultHasher::new();
-        let shape = shape(&chunk.surface, metres_per_unit, &mut hasher)?;
-        Some(Piece { key: hasher.finish(), collider: shape.into() })
+        let (at, shape) = shape(&chunk.surface, metres_per_unit, &mut hasher)?;
+        Some(Piece { key: hasher.finish(), collider: shape.into(), at })
     };
     ground.chunks().iter().filter_map(piece).collect()
 }
 
 /// The shape of a piece in units of the cloud, `None` for one that is empty; what it is made of goes into `hasher`.
-fn shape(surface: &GroundSurface, metres_per_unit: f64, hasher: &mut DefaultHasher) -> Option<SharedShape> {
+fn shape(
+    surface: &GroundSurface,
+    metres_per_unit: f64,
+    hasher: &mut DefaultHasher,
+) -> Option<(Transform, SharedShape)> {
     fn mix(hasher: &mut DefaultHasher, p: Vec3) -> Vec3 {
         p.to_array().into_iter().for_each(|x| hasher.write_u32(x.to_bits()));
         p
     }
     let mut unit = |p: DVec3| mix(hasher, (p / metres_per_unit).as_vec3());
     let placed = |at: Vec3, rotation: Quat, shape: SharedShape| {
-        Some(SharedShape::compound(vec![(Pose::from_parts(at, rotation.normalize()), shape)]))
+        Some((Transform::from_translation(at).with_rotation(rotation.normalize()), shape))
     };
     match surface {
         GroundSurface::Plane { normal, offset } => {
             let (at, normal) = (unit(*normal * *offset), unit(*normal * metres_per_unit));
-            placed(at, Quat::IDENTITY, SharedShape::halfspace(normal.normalize()))
+            placed(at, Quat::from_rotation_arc(Vec3::Y, normal.normalize()), SharedShape::halfspace(Vec3::Y))
         }
         GroundSurface::Heights { origin, rotation, spacing, dims: [columns, rows], heights } => {
             let (columns, rows) = (*columns as usize, *rows as usize);
@@ -78,7 +83,9 @@ fn shape(surface: &GroundSurface, metres_per_unit: f64, hasher: &mut DefaultHash
             let vertices: Vec<Vec3> = mesh.vertices.iter().map(|&p| unit(p)).collect();
             mesh.triangles.as_flattened().iter().for_each(|&k| hasher.write_u32(k));
             // Feet and wheels catch on edges between triangles of one plane otherwise.
-            SharedShape::trimesh_with_flags(vertices, mesh.triangles.clone(), TriMeshFlags::FIX_INTERNAL_EDGES).ok()
+            let flags = TriMeshFlags::FIX_INTERNAL_EDGES;
+            let shape = SharedShape::trimesh_with_flags(vertices, mesh.triangles.clone(), flags).ok()?;
+            placed(Vec3::ZERO, Quat::IDENTITY, shape)
         }
         GroundSurface::Voxels { origin, rotation, voxel, cells } => {
             let (at, size) = (unit(*origin), unit(DVec3::splat(*voxel)));
@@ -124,7 +131,7 @@ pub(super) fn give(
             commands.spawn((
                 piece.collider.clone(),
                 GroundChild(piece.key),
-                Transform::IDENTITY,
+                piece.at,
                 name,
                 ChildOf(entity),
             ));

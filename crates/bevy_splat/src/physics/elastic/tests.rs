@@ -100,11 +100,14 @@ pub(crate) fn ready(app: &mut App, part: Entity) {
     });
 }
 
-/// As [`ready`], with nothing that pulls meanwhile: the part is where it was put.
+/// As [`ready`], while time stands still: the part is where it was put.
 pub(crate) fn ready_in_place(app: &mut App, part: Entity) {
-    let gravity = std::mem::replace(&mut app.world_mut().resource_mut::<ElasticGravity>().0, Vec3::ZERO);
+    let still = TimeUpdateStrategy::ManualDuration(Duration::ZERO);
+    let running = std::mem::replace(&mut *app.world_mut().resource_mut::<TimeUpdateStrategy>(), still);
+    // What time is left from before passes.
+    app.update();
     ready(app, part);
-    app.world_mut().resource_mut::<ElasticGravity>().0 = gravity;
+    *app.world_mut().resource_mut::<TimeUpdateStrategy>() = running;
 }
 
 pub(crate) fn state(app: &App, part: Entity) -> &ElasticState {

@@ -3,10 +3,10 @@
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use avian3d::parry::math::{Pose, Vector};
-use avian3d::parry::shape::{SharedShape, Voxels};
+use avian3d::parry::shape::SharedShape;
 use avian3d::parry::transformation::vhacd::{VHACD, VHACDParameters};
 use avian3d::prelude::*;
-use bevy::math::{DVec3, IVec3, Quat, Vec3};
+use bevy::math::{DVec3, Quat, UVec3, Vec3};
 use splat_physics::{Shape, SurfaceMesh};
 
 /// Convex pieces of a decomposition at most.
@@ -63,13 +63,46 @@ pub(super) fn collider(shape: &Shape, metres_per_unit: f64) -> Option<Fitted> {
             if cells.is_empty() || !(size.is_finite() && size > 0.0) {
                 return None;
             }
-            let cells: Vec<IVec3> = cells.iter().map(|c| c.as_ivec3()).collect();
-            let voxels = SharedShape::new(Voxels::new(Vec3::splat(size), &cells));
-            let pose = Pose::from_parts(unit(*origin), Quat::IDENTITY);
-            let collider = SharedShape::compound(vec![(pose, voxels)]).into();
-            sound(&pose).then_some(Fitted { collider, name: "voxels", pieces: cells.len() })
+            let origin = unit(*origin);
+            let boxes: Vec<(Pose, SharedShape)> = merged(cells)
+                .into_iter()
+                .map(|(low, high)| {
+                    let half = 0.5 * size * (high - low).as_vec3();
+                    let middle = origin + size * low.as_vec3() + half;
+                    let cuboid = SharedShape::cuboid(half.x, half.y, half.z);
+                    (Pose::from_parts(middle, Quat::IDENTITY), cuboid)
+                })
+                .collect();
+            let pieces = boxes.len();
+            origin.is_finite().then(|| Fitted { collider: SharedShape::compound(boxes).into(), name: "voxels", pieces })
         }
     }
+}
+
+/// Boxes that hold the same cells, each once: runs along x, then rows of equal runs along y, then layers of those along z. Parry's
+/// own voxels have no contacts with other compounds.
+fn merged(cells: &[UVec3]) -> Vec<(UVec3, UVec3)> {
+    let mut boxes: Vec<(UVec3, UVec3)> = cells.iter().map(|&cell| (cell, cell + 1)).collect();
+    for axis in 0..3 {
+        let others = [(axis + 1) % 3, (axis + 2) % 3];
+        // Boxes that can be joined are neighbours in this order.
+        boxes.sort_unstable_by_key(|(low, high)| {
+            (others.map(|k| low[k]), others.map(|k| high[k]), low[axis])
+        });
+        let mut joined: Vec<(UVec3, UVec3)> = Vec::with_capacity(boxes.len());
+        for (low, high) in boxes {
+            match joined.last_mut() {
+                Some((first, last))
+                    if last[axis] == low[axis] && others.iter().all(|&k| first[k] == low[k] && last[k] == high[k]) =>
+                {
+                    last[axis] = high[axis];
+                }
+                _ => joined.push((low, high)),
+            }
+        }
+        boxes = joined;
+    }
+    boxes
 }
 
 fn sound(pose: &Pose) -> bool {

@@ -100,7 +100,8 @@ fn functions_are_orthonormal_in_mass_and_rest_is_told_by_four_of_them() {
     let rank = model.rank();
     assert!(rank > 100, "{rank}");
     let mut gram = Mat::<f64>::zeros(rank, rank);
-    for (sample, &m) in model.samples().iter().zip(&model.masses) {
+    for sample in model.samples() {
+        let m = sample.volume * f64::from(model.materials()[usize::from(sample.region)].density);
         let row = model.row(sample.position);
         for r in 0..rank {
             for c in 0..rank {
