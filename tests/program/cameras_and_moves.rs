@@ -161,7 +161,7 @@ fn an_object_is_laid_along_the_axes_and_what_is_open_is_told() {
         (0..3000).map(move |i| Dab::ball(at(i), 0.02, Vec3::ONE)).collect::<Vec<_>>()
     };
     write(&dir, "plank.ply", &cloud(&plank(Vec3::new(4.0, 1.0, 0.2)), 0));
-    let report = json(&dir, "orient plank.ply --axes zyx -o b.ply");
+    let report = json(&dir, "orient plank.ply --axes +z+yx -o b.ply");
     assert!(report["ambiguities"].as_array().unwrap().is_empty(), "{report}");
     let b = splat_io::read(dir.join("b.ply")).unwrap().0;
     let extent = |k: usize| b.means().iter().map(|m| m[k]).fold(0.0f32, |a, v| a.max(v.abs()));

@@ -34,7 +34,8 @@ fn main() -> Result<(), ElasticError> {
         ("network, 300 steps", network(300), 16),
     ];
     for (name, basis, handles) in rows {
-        let settings = ElasticSettings { basis, handles, cubature: 1152.max(32 * handles), ..ElasticSettings::default() };
+        let settings =
+            ElasticSettings { basis, handles, cubature: 1152.max(32 * handles), ..ElasticSettings::default() };
         let mut ratios = Vec::new();
         let mut milliseconds = 0.0;
         for (case, moduli, reference) in CASES {

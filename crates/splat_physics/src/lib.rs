@@ -59,6 +59,6 @@ pub use glam;
 pub use ground::*;
 pub use mass::MassProperties;
 pub use material::*;
-pub use solid::*;
 pub use shape::*;
+pub use solid::*;
 pub use surface::{SurfaceMesh, surface_points};

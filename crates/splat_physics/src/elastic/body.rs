@@ -240,7 +240,11 @@ impl ElasticBody {
         // A point beside the part pushes what of it is nearest.
         let (mut rows, mut sum) = (vec![0.0; model.rank()], 0.0);
         for sample in &model.samples {
-            let at = if near < 0.5 * reach { share(sample) } else { f64::from(u8::from(sample.position.distance(rest) <= near)) };
+            let at = if near < 0.5 * reach {
+                share(sample)
+            } else {
+                f64::from(u8::from(sample.position.distance(rest) <= near))
+            };
             if at > 0.0 {
                 let mass = at * sample.volume * f64::from(model.materials[usize::from(sample.region)].density);
                 rows.iter_mut().zip(model.row(sample.position)).for_each(|(row, b)| *row += mass * b);

@@ -18,6 +18,8 @@ pub(super) const MOST_ITERATIONS: usize = 24;
 const MOST_HALVINGS: usize = 12;
 /// In contact a solve ends when an iteration can gain less than this part of what the best one gained.
 const SETTLED: f64 = 1e-4;
+/// The same where bodies are pushed, which carry on what is left over.
+const SETTLED_TWO_WAY: f64 = 1e-7;
 /// An iteration that shortens the way left by less than this may want another Hessian.
 const SLOW: f64 = 0.3;
 /// Where elastic forces change otherwise than the Hessian says, by this part of what it says, it is taken anew.
@@ -120,7 +122,8 @@ impl Problem<'_> {
             let moved = part * direction.length;
             first = first.max(state.objective - next.objective);
             // In contact the last of the way is friction making up its mind.
-            let settled = !self.touches.is_empty() && -direction.slope < SETTLED * first;
+            let enough = if self.pushed.is_empty() { SETTLED } else { SETTLED_TWO_WAY };
+            let settled = !self.touches.is_empty() && -direction.slope < enough * first;
             if moved <= size || settled {
                 state = next;
                 outcome.converged = true;

@@ -232,6 +232,9 @@ impl ElasticBody {
         for a in 0..3 {
             v.col_as_slice_mut(a).iter_mut().for_each(|v| *v /= h);
         }
+        if two_way {
+            self.balance(&y, &mut v, &problem, loads.gravity, dt);
+        }
         let (touches, pushed) = (std::mem::take(&mut problem.touches), std::mem::take(&mut problem.pushed));
         drop(problem);
         let old_y = std::mem::replace(&mut self.y, y);
@@ -246,6 +249,31 @@ impl ElasticBody {
         self.keep_contacts(&touches, &pushed, dt, report);
         carried.advance(&pushed, dt, world);
         true
+    }
+
+    /// Gives the part as much momentum as pushed bodies lost: a solve that stops early leaves some of it to nobody. First-order
+    /// steps only.
+    fn balance(&self, y: &Mat<f64>, v: &mut Mat<f64>, around: &Problem<'_>, gravity: DVec3, dt: f64) {
+        let model = &self.model;
+        let rank = model.rank();
+        let mut wanted = self.momentum() + gravity * (model.mass.mass * dt);
+        for touch in around.touches.iter().filter(|touch| touch.pushed.is_none()) {
+            let at = touch.contact.point as usize;
+            let place = point_at(&model.contact_rows[at * rank..(at + 1) * rank], y);
+            wanted -= touch.term(touch.slid(place, &[])).gradient * dt;
+        }
+        for p in &around.pushed {
+            wanted -= (p.shift / dt - p.state.linear_velocity) * p.state.mass;
+        }
+        for (row, spring) in around.springs {
+            wanted += (spring.target - point_at(row, y)) * (spring.stiffness * dt);
+        }
+        let missing = (wanted - point_at(&model.ones, v)) / model.mass.mass;
+        if missing.is_finite() {
+            for a in 0..3 {
+                v.col_as_slice_mut(a).iter_mut().zip(&model.ones).for_each(|(v, one)| *v += one * missing[a]);
+            }
+        }
     }
 
     /// Gravity as an acceleration of the coordinates.

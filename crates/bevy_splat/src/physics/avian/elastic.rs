@@ -11,12 +11,12 @@ use bevy::prelude::*;
 use splat_physics::world::RigidState;
 
 use super::elastic_shape::ColliderShape;
+use crate::physics::SplatPhysicsSystems;
 use crate::physics::elastic::{
-    CombineRule, ContactSurface, ElasticLayers, ElasticObstacle, ElasticObstacles, ElasticPrepareSystems, ElasticShove, ElasticShoves,
-    ElasticState, ElasticTick, ObstacleMotion,
+    CombineRule, ContactSurface, ElasticLayers, ElasticObstacle, ElasticObstacles, ElasticPrepareSystems, ElasticShove,
+    ElasticShoves, ElasticState, ElasticTick, ObstacleMotion,
 };
 use crate::physics::ground::CaptureGround;
-use crate::physics::SplatPhysicsSystems;
 
 /// Adds the systems.
 pub(super) fn plugin(app: &mut App) {
@@ -58,7 +58,8 @@ fn own(
 ) {
     tick.0 *= if clock.is_paused() { 0.0 } else { clock.relative_speed_f64() };
     for (mut state, scale, layers) in &mut parts {
-        let layers = layers.map(|layers| ElasticLayers { memberships: layers.memberships.0, filters: layers.filters.0 });
+        let layers =
+            layers.map(|layers| ElasticLayers { memberships: layers.memberships.0, filters: layers.filters.0 });
         let scale = scale.map_or(1.0, |scale| scale.0);
         wake(&mut commands, &asleep, &state.take_left());
         state.set_surroundings((gravity.0 * scale).as_dvec3(), layers.unwrap_or_default());
@@ -117,7 +118,8 @@ fn find(
     near.sort_unstable();
     near.dedup();
     for entity in near {
-        let Ok((collider, position, rotation, of, layers, own_friction, own_restitution, child)) = colliders.get(entity)
+        let Ok((collider, position, rotation, of, layers, own_friction, own_restitution, child)) =
+            colliders.get(entity)
         else {
             continue;
         };
@@ -134,8 +136,10 @@ fn find(
         let (rough, bouncy) = body.map_or((None, None), |body| (body.11, body.12));
         let rough = own_friction.or(rough).copied().unwrap_or(friction.0);
         let bouncy = own_restitution.or(bouncy).copied().unwrap_or(restitution.0);
-        let layers = layers.map(|layers| ElasticLayers { memberships: layers.memberships.0, filters: layers.filters.0 });
-        let motion = body.map_or(ObstacleMotion::Still, |body| motion_of(body_entity, body, gravity.0, tick.0, &resisted));
+        let layers =
+            layers.map(|layers| ElasticLayers { memberships: layers.memberships.0, filters: layers.filters.0 });
+        let motion =
+            body.map_or(ObstacleMotion::Still, |body| motion_of(body_entity, body, gravity.0, tick.0, &resisted));
         let shape = ColliderShape { shape: collider.shape_scaled().clone(), pose };
         let finite = bounds.mins.is_finite() && bounds.maxs.is_finite();
         obstacles.push(ElasticObstacle {
@@ -172,7 +176,8 @@ fn motion_of(
     dt: f64,
     resisted: &Resisted,
 ) -> ObstacleMotion {
-    let (kind, position, rotation, linear, angular, mass, inertia, center, locked, dominance, scale, _, _, asleep) = body;
+    let (kind, position, rotation, linear, angular, mass, inertia, center, locked, dominance, scale, _, _, asleep) =
+        body;
     let (linear, angular) = (linear.0.as_dvec3(), angular.0.as_dvec3());
     let center = (position.0 + rotation.0 * center.0).as_dvec3();
     if !(linear.is_finite() && angular.is_finite() && center.is_finite()) {
@@ -182,22 +187,23 @@ fn motion_of(
         true => ObstacleMotion::Still,
         false => ObstacleMotion::Moving { center, linear, angular },
     };
-    let held = locked.is_some_and(|l| l.is_translation_x_locked() || l.is_translation_y_locked() || l.is_translation_z_locked());
+    let held = locked
+        .is_some_and(|l| l.is_translation_x_locked() || l.is_translation_y_locked() || l.is_translation_z_locked());
     let mass = f64::from(mass.value());
     match kind {
         RigidBody::Static => ObstacleMotion::Still,
         RigidBody::Kinematic => told(),
         _ if held || dominance.is_some_and(|d| d.0 > 0) || !(mass > 0.0 && mass.is_finite()) => told(),
         RigidBody::Dynamic => {
-            let turns = !locked.is_some_and(|l| {
-                l.is_rotation_x_locked() || l.is_rotation_y_locked() || l.is_rotation_z_locked()
-            });
+            let turns = !locked
+                .is_some_and(|l| l.is_rotation_x_locked() || l.is_rotation_y_locked() || l.is_rotation_z_locked());
             let tensor = inertia.rotated(rotation.0).value().to_mat3().as_dmat3();
             let sound = turns && tensor.is_finite() && tensor.determinant() > 0.0;
             // Much more than anything that touches it.
             let inertia = if sound { tensor } else { DMat3::IDENTITY * (1e9 * mass) };
             let factor = entity.map_or(1.0, |entity| resisted.factor(entity));
-            let falls = if asleep { DVec3::ZERO } else { gravity.as_dvec3() * f64::from(scale.map_or(1.0, |s| s.0)) * dt };
+            let falls =
+                if asleep { DVec3::ZERO } else { gravity.as_dvec3() * f64::from(scale.map_or(1.0, |s| s.0)) * dt };
             let state = RigidState {
                 mass: mass * factor,
                 inertia: inertia * factor,
@@ -226,6 +232,10 @@ struct Push {
 
 /// A body counts as at most so many times as heavy.
 const HEAVIEST: f64 = 1e3;
+/// From this factor on a body lies on something.
+const SUPPORTED: f64 = 2.0;
+/// What such a body is given in a step at most, in m/s.
+const MOST_SHOVE: f64 = 0.25;
 
 impl Resisted {
     fn factor(&self, entity: Entity) -> f64 {
@@ -247,13 +257,14 @@ fn shove(
         let Some(entity) = obstacles.get(obstacle).and_then(|obstacle| obstacle.entity) else { continue };
         let Ok((mut velocity, mut spin, locked)) = bodies.get_mut(entity) else { continue };
         let factor = resisted.factor(entity);
-        let (linear, angular) = (linear * factor, angular * factor);
+        // What holds a body up takes its share of a push: all of it would be a blow that the next step throws back.
+        let most = if factor > SUPPORTED { MOST_SHOVE / (linear.length() * factor).max(MOST_SHOVE) } else { 1.0 };
+        let (linear, angular) = (linear * factor * most, angular * factor * most);
         if !(linear.is_finite() && angular.is_finite()) {
             continue;
         }
-        let turns = !locked.is_some_and(|l| {
-            l.is_rotation_x_locked() || l.is_rotation_y_locked() || l.is_rotation_z_locked()
-        });
+        let turns =
+            !locked.is_some_and(|l| l.is_rotation_x_locked() || l.is_rotation_y_locked() || l.is_rotation_z_locked());
         velocity.0 += linear.as_vec3();
         if turns {
             spin.0 += angular.as_vec3();

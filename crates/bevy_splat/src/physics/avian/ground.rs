@@ -128,13 +128,7 @@ pub(super) fn give(
         }
         for piece in wanted {
             let name = Name::new("ground");
-            commands.spawn((
-                piece.collider.clone(),
-                GroundChild(piece.key),
-                piece.at,
-                name,
-                ChildOf(entity),
-            ));
+            commands.spawn((piece.collider.clone(), GroundChild(piece.key), piece.at, name, ChildOf(entity)));
         }
     }
 }

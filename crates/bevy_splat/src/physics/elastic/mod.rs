@@ -48,9 +48,9 @@ pub use pin::{Pin, PinRegion};
 pub use prepare::ElasticGravity;
 pub use setup::ElasticPartError;
 pub use state::ElasticState;
-pub use step::{ElasticShove, ElasticShoves};
 #[cfg(feature = "avian")]
 pub(super) use step::ElasticTick;
+pub use step::{ElasticShove, ElasticShoves};
 
 use super::SplatPhysicsSystems::{Prepare, Setup, Step, Writeback};
 

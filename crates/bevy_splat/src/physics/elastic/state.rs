@@ -256,6 +256,8 @@ impl ElasticState {
             self.body.carry(Frame { rotation, translation: to.translation - rotation * from.translation });
         }
         self.left.append(&mut self.touched);
+        // What sleeps beside it may lie on it without pressing.
+        self.left.extend(self.near.iter().flatten());
         self.drawn = *place;
         self.roused = true;
         self.settle();

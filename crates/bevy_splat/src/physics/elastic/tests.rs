@@ -87,7 +87,13 @@ pub(crate) fn foam() -> PhysicsMaterial {
 }
 
 /// An elastic part of a cloud.
-pub(crate) fn spawn(app: &mut App, cloud: Cloud, at: Transform, part: ElasticPart, material: PhysicsMaterial) -> Entity {
+pub(crate) fn spawn(
+    app: &mut App,
+    cloud: Cloud,
+    at: Transform,
+    part: ElasticPart,
+    material: PhysicsMaterial,
+) -> Entity {
     let handle = app.world_mut().resource_mut::<Assets<SplatCloud>>().add(SplatCloud::new(cloud));
     app.world_mut().spawn((Splats(handle), at, part, PartMaterial::from(material))).id()
 }

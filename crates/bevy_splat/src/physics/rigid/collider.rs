@@ -86,9 +86,7 @@ fn merged(cells: &[UVec3]) -> Vec<(UVec3, UVec3)> {
     for axis in 0..3 {
         let others = [(axis + 1) % 3, (axis + 2) % 3];
         // Boxes that can be joined are neighbours in this order.
-        boxes.sort_unstable_by_key(|(low, high)| {
-            (others.map(|k| low[k]), others.map(|k| high[k]), low[axis])
-        });
+        boxes.sort_unstable_by_key(|(low, high)| (others.map(|k| low[k]), others.map(|k| high[k]), low[axis]));
         let mut joined: Vec<(UVec3, UVec3)> = Vec::with_capacity(boxes.len());
         for (low, high) in boxes {
             match joined.last_mut() {
