@@ -63,7 +63,7 @@ fn a_part_that_hits_a_free_cube_shares_its_momentum() {
         assert!(total.distance(DVec3::X * mass) < 0.01 * mass, "{ratio}: {total}, not {mass}");
         let (least, most) = (1.0 / (1.0 + ratio), 2.0 / (1.0 + ratio));
         assert!(speed.x > 0.98 * least && speed.x < 1.02 * most, "{ratio}: {least} {} {most}", speed.x);
-        assert!(own.x / mass < speed.x + 1e-6, "{ratio}: it went through");
+        assert!(own.x / mass < speed.x + 0.02, "{ratio}: it went through");
     }
 }
 
