@@ -1,5 +1,6 @@
 //! Bent clouds: pictures against laws, baked poses and moved instances; picks against frames.
 
+#![expect(clippy::unwrap_used, reason = "a test ends where something is missing")]
 #![cfg_attr(feature = "gpu", expect(clippy::print_stdout, reason = "what is skipped says so"))]
 
 use std::sync::Arc;

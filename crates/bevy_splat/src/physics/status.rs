@@ -7,7 +7,7 @@ use std::time::Duration;
 use bevy::prelude::*;
 use splat_physics::MassProperties;
 
-/// How far the setting up of a body is: written by this crate on every entity with a [`RigidPart`](super::RigidPart), an
+/// How far the setting up of a body is: written by this crate on every entity with a `RigidPart`, an
 /// [`ElasticPart`](super::ElasticPart) or a [`StaticCapture`](super::StaticCapture), for all to read.
 ///
 /// Until it is ready the entity stands still. A setting, a material or a set of Gaussians that changes later makes it pending

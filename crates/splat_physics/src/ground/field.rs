@@ -66,7 +66,8 @@ impl DistanceField {
                 let (x, z) = (local.x / spacing, local.z / spacing);
                 let (i, j) = (x.floor(), z.floor());
                 let most = |k: usize| (dims[k] - 2) as f64;
-                if !(x >= 0.0 && z >= 0.0 && x <= most(0) + 1.0 && z <= most(1) + 1.0) || !local.y.is_finite() {
+                let inside = x >= 0.0 && z >= 0.0 && x <= most(0) + 1.0 && z <= most(1) + 1.0;
+                if !(inside && local.y.is_finite()) {
                     return None;
                 }
                 let (i, j) = (i.min(most(0)), j.min(most(1)));

@@ -64,7 +64,7 @@ pub(super) fn seen(grains: &[Grain], voxel: f64, cut: f32) -> PlaceMap<Seen> {
                 for grain in chunk {
                     own.clear();
                     follow(grain, voxel, &mut own);
-                    own.sort_by(|a, b| a.0.to_array().cmp(&b.0.to_array()));
+                    own.sort_by_key(|seen| seen.0.to_array());
                     for group in own.chunk_by(|a, b| a.0 == b.0) {
                         let densest = group.iter().map(|t| t.1).fold(0.0, f32::max);
                         let total: f32 = group.iter().map(|t| t.1).sum();

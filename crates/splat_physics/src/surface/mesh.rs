@@ -129,12 +129,12 @@ fn smoothed(solid: &Solid) -> Vec<f32> {
     let strides = [1, dims.x as usize, dims.x as usize * dims.y as usize];
     let mut values = solid.weights.clone();
     let mut near: Vec<bool> = values.iter().map(|&w| w > 0.0 && w < 1.0).collect();
-    for axis in 0..3 {
+    for (axis, stride) in strides.into_iter().enumerate() {
         let (before, marks) = (values.clone(), near.clone());
         for v in 0..values.len() {
             let at = grid.at(v)[axis];
-            let low = (at > 0).then(|| v - strides[axis]);
-            let high = (at + 1 < grid.dims[axis]).then(|| v + strides[axis]);
+            let low = (at > 0).then(|| v - stride);
+            let high = (at + 1 < grid.dims[axis]).then(|| v + stride);
             let get = |k: Option<usize>| k.map_or(0.0, |k| before[k]);
             values[v] = 0.25 * (get(low) + get(high)) + 0.5 * before[v];
             near[v] = marks[v] || low.is_some_and(|k| marks[k]) || high.is_some_and(|k| marks[k]);

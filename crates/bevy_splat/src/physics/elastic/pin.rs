@@ -149,11 +149,13 @@ fn place_of(target: Entity, targets: &Targets) -> Option<(DQuat, DVec3)> {
     Some((rotation.as_dquat(), translation.as_dvec3()))
 }
 
+type Pins<'a> = (Entity, Ref<'a, Pin>, Option<&'a mut PinHold>, Option<&'a ChildOf>);
+
 /// Takes hold of what pins ask for, and hands to parts what holds them.
 pub(super) fn hold(
     mut commands: Commands,
     clouds: Res<Assets<SplatCloud>>,
-    mut pins: Query<(Entity, Ref<Pin>, Option<&mut PinHold>, Option<&ChildOf>)>,
+    mut pins: Query<Pins>,
     targets: Targets,
     mut states: Query<(&mut ElasticState, &Splats)>,
 ) {

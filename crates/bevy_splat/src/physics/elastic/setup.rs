@@ -291,12 +291,15 @@ fn fail(
     failed.write(PartPhysicsFailed { entity, error });
 }
 
+type Ground<'a> = (Has<CaptureGround>, Option<&'a PartPhysicsStatus>);
+type Grounds = (With<StaticCapture>, Without<ElasticPart>);
+
 /// Gives entities what the work made, once what they may stand on is there.
 pub(super) fn finish(
     mut commands: Commands,
     mut parts: Query<(Parts, &Transform)>,
     sources: Sources,
-    grounds: Query<(Has<CaptureGround>, Option<&PartPhysicsStatus>), (With<StaticCapture>, Without<ElasticPart>)>,
+    grounds: Query<Ground, Grounds>,
     mut ready: MessageWriter<PartPhysicsReady>,
     mut failed: MessageWriter<PartPhysicsFailed>,
 ) {

@@ -6,6 +6,9 @@ use std::sync::{Arc, Mutex, PoisonError};
 use bevy::prelude::*;
 use splat_physics::Ground;
 
+/// Grounds by their keys.
+type Kept = Vec<(u64, Arc<Ground>)>;
+
 /// Surfaces of captures by content: of Gaussians, scale, settings and parts that are out. What was made once is there again at
 /// once, when a part is put back, or when a scene is entered again.
 #[derive(Resource, Clone, Debug, Default)]
@@ -13,7 +16,7 @@ pub struct StaticCaptureCache {
     /// Where surfaces are kept beyond the end of the program, one file each; `None`, the default: nowhere. Files that do not
     /// fit are made anew, and a folder that cannot be written changes nothing.
     pub folder: Option<PathBuf>,
-    kept: Arc<Mutex<Vec<(u64, Arc<Ground>)>>>,
+    kept: Arc<Mutex<Kept>>,
 }
 
 /// As many surfaces are kept in memory.

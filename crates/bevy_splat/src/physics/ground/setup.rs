@@ -164,7 +164,7 @@ fn removed(
     rest.invert();
     let mut removed: Vec<(Entity, Vec<u32>)> = Vec::new();
     for (entity, subset) in parts {
-        if sources.capture_of(entity) != capture || !subset.0.last().is_none_or(|&id| (id as usize) < len) {
+        if sources.capture_of(entity) != capture || subset.0.last().is_some_and(|&id| (id as usize) >= len) {
             continue;
         }
         let mut ids = subset.to_selection(len);

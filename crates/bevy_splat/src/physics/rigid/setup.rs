@@ -156,7 +156,7 @@ pub(in super::super) fn start(
     sources: Sources,
     mut failed: MessageWriter<PartPhysicsFailed>,
 ) {
-    for (entity, part, mut setup, job, status, _) in &mut parts {
+    for (entity, part, mut setup, _, status, _) in &mut parts {
         let setup = setup.bypass_change_detection();
         let materials = sources.materials.of(entity, FALLBACK);
         let found = materials.and_then(|materials| {
@@ -201,7 +201,6 @@ pub(in super::super) fn start(
         let (wanted, from) = (*part, source.clone());
         setup.wish = Some(Wish { part: wanted, source, labels });
         let work = Job::<RigidJob>::start(move |watch| make(&from, &ids, regions, &wanted, watch));
-        drop(job);
         commands.entity(entity).insert((work, PartPhysicsStatus::Pending(0.0)));
     }
 }
@@ -225,13 +224,16 @@ fn fail(
     failed.write(PartPhysicsFailed { entity, error });
 }
 
+type Ground<'a> = (Option<&'a CaptureGround>, Option<&'a PartPhysicsStatus>);
+type Grounds = (With<StaticCapture>, Without<RigidPart>);
+
 /// Gives entities what the work made, once what they may stand on is there.
 #[expect(clippy::too_many_arguments, reason = "one for each kind of thing that is read or written")]
 pub(in super::super) fn finish(
     mut commands: Commands,
     mut parts: Query<Parts>,
     sources: Sources,
-    grounds: Query<(Option<&CaptureGround>, Option<&PartPhysicsStatus>), (With<StaticCapture>, Without<RigidPart>)>,
+    grounds: Query<Ground, Grounds>,
     children: Query<(), With<ChildOf>>,
     mut ready: MessageWriter<PartPhysicsReady>,
     mut failed: MessageWriter<PartPhysicsFailed>,
