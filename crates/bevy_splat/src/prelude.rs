@@ -7,6 +7,11 @@ pub use crate::orient::{OrientBy, OrientError, OrientFailed, OrientRequest, Orie
 pub use crate::orient::{ScaleBy, ScaleRequest, Scaled};
 pub use crate::parts::{PartExtracted, PartRestored, PartsLookup, SplatPartsPlugin};
 #[cfg(feature = "physics")]
+pub use crate::physics::elastic::{
+    ElasticContact, ElasticDrag, ElasticExploded, ElasticGrab, ElasticGround, ElasticPush, ElasticSlept, ElasticState,
+    ElasticWoke, SkinningBasis,
+};
+#[cfg(feature = "physics")]
 pub use crate::physics::{
     CaptureGround, CaptureScale, ElasticPart, GroundFill, GroundKind, PartBody, PartMaterial, PartMaterials,
     PartPhysicsError, PartPhysicsFailed, PartPhysicsReady, PartPhysicsReport, PartPhysicsStatus, PartPhysicsWarning,
