@@ -18,7 +18,7 @@ const CASES: [(&str, [f32; 2], f64); 3] =
     [("A", [1e7, 1e7], 0.037546), ("B", [1e8, 1e7], 0.006101), ("C", [1e7, 1e9], 0.034794)];
 
 fn main() -> Result<(), ElasticError> {
-    println!("| basis | handles | A | B | C | weights of A (ms) |");
+    println!("| basis | handles | A | B | C | set-up of A, all of it (ms) |");
     println!("|---|---|---|---|---|---|");
     let eigenmodes = |exponent| BasisKind::Eigenmodes { exponent };
     let network = |steps| BasisKind::Simplicits(SimplicitsSettings { steps, ..SimplicitsSettings::default() });
